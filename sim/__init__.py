@@ -1,0 +1,1 @@
+"""Simulation of the generated cores: reference models, recordings, drivers and benches."""

@@ -1,0 +1,1 @@
+"""Drivers: simulators found, modules compiled, transactions run."""
