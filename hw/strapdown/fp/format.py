@@ -1,6 +1,7 @@
 """Binary floating-point formats: widths, encodings and the one policy for subnormals and NaN."""
 
 import enum
+import math
 import operator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -78,6 +79,11 @@ class FloatFormat:
         return 1 + self.fraction_width
 
     @property
+    def decimal_digits(self):
+        """Decimal digits that tell any two numbers apart."""
+        return math.ceil(1 + self.precision * math.log10(2))
+
+    @property
     def bias(self):
         """Offset of the stored exponent."""
         return (1 << (self.exponent_width - 1)) - 1
@@ -109,6 +115,10 @@ class FloatFormat:
     def least_normal(self):
         """Encoding of the least positive normal number."""
         return 1 << self.fraction_width
+
+    def encode(self, value):
+        """Encoding of one number, rounded to the format, as an int."""
+        return int(self.to_bits(self.array(value)))
 
     # The NumPy side.
 
@@ -148,7 +158,8 @@ class FloatFormat:
     def to_bits(self, values):
         """Numbers (rounded to the format first) to encodings of ``bits_dtype``."""
         with np.errstate(all="ignore"):
-            return np.ascontiguousarray(values, dtype=self.dtype).view(self.bits_dtype).reshape(np.shape(values))
+            encodings = np.ascontiguousarray(values, dtype=self.dtype).view(self.bits_dtype)
+        return encodings.reshape(np.shape(values))
 
 
 _STANDARD_NAMES = {(5, 10): "binary16", (8, 23): "binary32", (11, 52): "binary64", (8, 7): "bfloat16"}

@@ -1,0 +1,66 @@
+"""Vectors, matrices and quaternions as nested tuples of scalars of any numeric namespace.
+
+The order of operations is part of each function: sums are written out, so that every meaning
+of the numbers rounds in the same places. Sums are balanced, because depth is time in hardware.
+"""
+
+__all__ = ["SHORTEST_SQUARE", "add", "scale", "dot", "cross", "length_squared", "column", "matrix_vector",
+           "transposed_vector", "permute"]
+
+SHORTEST_SQUARE = 2.0**-100
+"""Least squared length that counts: a vector shorter than 2**-50 (of whatever unit) has no
+direction. Dividing by at least this keeps every quotient finite, and takes a vector of length
+zero to a correction of zero."""
+
+
+def add(a, b):
+    """Sum of two vectors of equal length."""
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def scale(factor, a):
+    """Vector times scalar."""
+    return tuple(factor * x for x in a)
+
+
+def dot(a, b):
+    """Inner product of two vectors of 2, 3 or 4 components."""
+    products = [x * y for x, y in zip(a, b, strict=True)]
+    while len(products) > 1:
+        products = [sum(pair[1:], pair[0]) for pair in (products[i:i + 2] for i in range(0, len(products), 2))]
+    return products[0]
+
+
+def cross(a, b):
+    """Vector product of two vectors of three components."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+def length_squared(xp, a):
+    """Squared length, not below ``SHORTEST_SQUARE``, and whether it was: (square, is_missing)."""
+    square = dot(a, a)
+    return xp.maximum(square, SHORTEST_SQUARE), square < SHORTEST_SQUARE
+
+
+def column(c, index):
+    """Column ``index`` (from 0) of a matrix given as rows."""
+    return tuple(row[index] for row in c)
+
+
+def matrix_vector(c, a):
+    """C·a for a matrix given as rows."""
+    return tuple(dot(row, a) for row in c)
+
+
+def transposed_vector(c, a):
+    """Cᵀ·a for a matrix given as rows."""
+    return tuple(dot(column(c, index), a) for index in range(3))
+
+
+def permute(axes, a):
+    """Body components of a vector measured along sensor axes.
+
+    ``axes`` names the sensor axis that lies along body x, y and z, as in ("+y", "-x", "+z").
+    """
+    return tuple(a["xyz".index(axis)] if sign == "+" else -a["xyz".index(axis)] for sign, axis in axes)

@@ -1,0 +1,3 @@
+"""What leaves the generator: Verilog files and their descriptions."""
+
+from .verilog import *

@@ -1,0 +1,214 @@
+"""The machine that runs a microprogram: sequencer, operand memory, operators, result bus."""
+
+import enum
+
+from amaranth import *
+from amaranth.lib import wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+
+from .microprogram import Microprogram
+from .schedule import schedule
+
+__all__ = ["Engine"]
+
+REFUSED, IGNORED = "refused", "ignored"
+
+
+class Engine(wiring.Component):
+    """A system's equations on a pool of operators, one update a start.
+
+    Parameters
+    ----------
+    system : System
+        Equations and interface.
+    pool : Pool
+        Operators; those the equations do not use are left out.
+
+    Members
+    -------
+    *start*, *finish* : In(1), Out(1)
+        The start is sampled at the clock edge while the engine is idle, and with it all inputs.
+        The finish falls at that edge and rises with the outputs.
+    *input ports* : In(format.width)
+    *output ports* : Out(format.width)
+        Hold from one finish to the next; all change in one cycle. After a reset they show the
+        reset state where they are state, else zero.
+    *status* : Out(len(status_names))
+        Bits in the order of ``status_names``, if the system has a status port. They change with
+        the finish; ``ignored`` is set by a start while an update runs and cleared by the next
+        start that is taken.
+
+    All members have the names that the system gives them.
+
+    Latency: ``latency`` cycles from the edge that takes the start to the one that raises the
+    finish, in every update. A new start can be taken at the edge after.
+    State: kept in two banks; an update reads the one and writes the other, and its last cycle
+    makes the other the current one. An update that is refused, because a number it wrote was
+    NaN or infinite, leaves state and outputs as they were.
+    """
+
+    def __init__(self, system, pool):
+        self._system = system
+        self._program = Microprogram(schedule(system.trace(pool.format), pool))
+        width, encode = pool.format.width, pool.format.encode
+        members = {system.start: In(1), system.finish: Out(1)}
+        members |= {port: In(width) for port in system.input_ports}
+        members |= {port: Out(width, init=encode(value)) for port, value in self.reset_outputs.items()}
+        if self.status_names:
+            members[system.status_port] = Out(len(self.status_names))
+        super().__init__(members)
+
+    @property
+    def system(self):
+        """Equations and interface."""
+        return self._system
+
+    @property
+    def program(self):
+        """The microprogram."""
+        return self._program
+
+    @property
+    def reset_outputs(self):
+        """What the outputs show after a reset: the state's value where they are state, else zero."""
+        graph = self._program.schedule.graph
+        words = {node: word for word, node in graph.next_state.items()}
+        return {port: graph.state[words[node]] if node in words else 0.0 for port, node in graph.outputs.items()}
+
+    @property
+    def latency(self):
+        """Cycles from the edge that takes ``start`` to the one that raises ``finish``."""
+        return self._program.length + 1
+
+    @property
+    def state_names(self):
+        """States of the sequencer, in the order of their encoding."""
+        return ("IDLE", *self._program.schedule.graph.sections, "END")
+
+    @property
+    def status_names(self):
+        """Names of the status bits, lowest first."""
+        return (*self._system.status, REFUSED, IGNORED) if self._system.status_port else ()
+
+    def elaborate(self, platform):
+        m = Module()
+        program, graph = self._program, self._program.schedule.graph
+        number = program.format.layout
+        start, finish = getattr(self, self._system.start), getattr(self, self._system.finish)
+
+        # Sequencer. The program counter runs one word ahead of the word that is out: the ROM
+        # registers its output, and word 0 is out whenever the engine is idle.
+        State = enum.Enum("State", {name: index for index, name in enumerate(self.state_names)})
+        state = Signal(range(len(State)), init=State.IDLE.value)
+        counter = Signal(range(program.length))
+        idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
+        m.d.comb += [idle.eq(state == State.IDLE.value), ending.eq(state == State.END.value),
+                     running.eq(~(idle | ending))]
+        m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words)
+        fetch = rom.read_port()
+        word = Signal(program.layout)
+        last = Signal()
+        m.d.comb += [fetch.addr.eq(counter), fetch.en.eq(~last), word.eq(fetch.data),
+                     last.eq(word.advance & (state == State.END.value - 1))]
+        with m.If(idle):
+            with m.If(start):
+                m.d.sync += [state.eq(state + 1), counter.eq(1), finish.eq(0)]
+        with m.Elif(ending):
+            m.d.sync += [state.eq(State.IDLE.value), finish.eq(1)]
+        with m.Else():
+            m.d.sync += [counter.eq(Mux(last, 0, counter + 1)), state.eq(state + word.advance)]
+
+        # Inputs, as they were at the edge that took the start.
+        captured = [Signal(program.format.width, name=f"{port}_q", reset_less=True) for port in graph.inputs]
+        with m.If(idle & start):
+            m.d.sync += [register.eq(getattr(self, port)) for register, port in zip(captured, graph.inputs, strict=True)]
+
+        # Operand memory: read before the edge, written at it, so ports need not be transparent.
+        m.submodules.operands = operands = Memory(shape=program.format.width, depth=program.depth, init=program.initial)
+        bank, fresh = Signal(name="bank"), Signal(name="fresh", init=1)
+
+        def physical(address, name):
+            if not graph.state:
+                return address
+            banked = Signal.like(address, name=name)
+            m.d.comb += banked.eq(address ^ (bank & (address < program.state_words)))
+            return banked
+
+        reads = {}
+        for port in program.read_ports:
+            fields = word[f"port{port}"]
+            for side in "ab":
+                read = operands.read_port(domain="comb")
+                operand = Signal(number, name=f"port{port}_{side}")
+                m.d.comb += [read.addr.eq(physical(fields[side], f"port{port}_{side}_address")),
+                             operand.eq(read.data ^ (fields[f"negate_{side}"] << (program.format.width - 1)))]
+                reads[port, side] = operand
+
+        # Operators.
+        components = {unit.name: unit.make() for unit in program.units}
+        results = {name: Signal(number, name=f"{name}_result") for name in components}
+        for unit in program.units:
+            m.submodules[unit.name] = component = components[unit.name]
+            m.d.comb += results[unit.name].eq(component.result)
+            begin = Signal(name=f"{unit.name}_start")
+            m.d.comb += [begin.eq(running & word.start[unit.name]), component.start.eq(begin)]
+            for member, side in zip(unit.operands, "ab", strict=True):
+                m.d.comb += getattr(component, member).eq(reads[unit.read_port, side])
+            for mode in unit.modes.values():
+                m.d.comb += getattr(component, mode).eq(word.mode[mode])
+
+        # Result bus: one result a cycle, to the memory and to whoever waits for it.
+        bus = Signal(number)
+        results["input"] = Array(captured)[word.input] if len(captured) > 1 else captured[0]
+        with m.Switch(word.write.source):
+            for index, source in enumerate(program.sources):
+                with m.Case(index):
+                    m.d.comb += bus.eq(results[source])
+        writes = Signal()
+        m.d.comb += writes.eq(running & word.write.enable)
+        write = operands.write_port()
+        m.d.comb += [write.addr.eq(physical(word.write.address, "write_address")), write.data.eq(bus),
+                     write.en.eq(writes & (fresh | ~word.write.restore) if graph.state else writes)]
+
+        # Conditions: the sign of a value, by its address.
+        if "selector" in program.sources:
+            m.submodules.signs = signs = Memory(shape=1, depth=program.depth,
+                                                init=[word >> (program.format.width - 1) for word in program.initial])
+            sign_write, sign_read = signs.write_port(), signs.read_port(domain="comb")
+            m.d.comb += [sign_write.addr.eq(write.addr), sign_write.data.eq(bus.sign), sign_write.en.eq(write.en),
+                         sign_read.addr.eq(physical(word.condition.address, "condition_address")),
+                         components["selector"].condition.eq(sign_read.data ^ word.condition.negate)]
+
+        # Outputs wait beside the stage; END shows them all at once, and turns the banks.
+        commit = Signal()
+        refused = Signal()
+        m.d.comb += commit.eq(ending & ~refused)
+        for port, node in graph.outputs.items():
+            waiting = Signal(program.format.width, name=f"{port}_d", reset_less=True)
+            with m.If(writes & (word.write.address == program.addresses[node])):
+                m.d.sync += waiting.eq(bus)
+            with m.If(commit):
+                m.d.sync += getattr(self, port).eq(waiting)
+        if graph.state:
+            with m.If(commit):
+                m.d.sync += [bank.eq(~bank), fresh.eq(0)]
+
+        # Status.
+        if self.status_names:
+            with m.If(idle):
+                m.d.sync += refused.eq(0)
+            with m.Elif(writes & (bus.exponent == program.format.exponent_special)):
+                m.d.sync += refused.eq(1)
+            status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
+            for name, operand in graph.status.items():
+                flag = Signal(name=name)
+                with m.If(writes & (word.write.address == program.addresses[operand.node])):
+                    m.d.sync += flag.eq(bus.sign ^ operand.negated)
+                with m.If(ending):
+                    m.d.sync += status[name].eq(flag & ~refused)
+            with m.If(ending):
+                m.d.sync += status[REFUSED].eq(refused)
+            with m.If(start):
+                m.d.sync += status[IGNORED].eq(~idle)
+        return m

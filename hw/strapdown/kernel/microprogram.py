@@ -1,0 +1,170 @@
+"""A schedule as words of a ROM, with an address for every value."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import cached_property
+
+from amaranth import unsigned
+from amaranth.lib import data
+
+from .schedule import Schedule
+from .trace import Node
+
+__all__ = ["Microprogram"]
+
+
+@dataclass(frozen=True)
+class Microprogram:
+    """The ROM of an engine, one word a cycle, and the map of its operand memory.
+
+    The memory begins with the state: words ``2k`` and ``2k + 1`` are the two banks of state
+    word k. Programs say ``2k`` for the state as it is and ``2k + 1`` for the state to be; the
+    engine turns the lowest bit of these addresses from update to update. Constants follow, then
+    the values of one update, each in place from the cycle after its write to its last read.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    """
+
+    schedule: Schedule
+
+    @property
+    def format(self):
+        """Format of all numbers."""
+        return self.schedule.pool.format
+
+    @property
+    def length(self):
+        """Words, that is cycles of an update."""
+        return self.schedule.length
+
+    @cached_property
+    def units(self):
+        """Units that the program uses, in the pool's order."""
+        used = {step.unit for step in self.schedule.steps}
+        return tuple(unit for unit in self.schedule.pool.units if unit.name in used)
+
+    @cached_property
+    def sources(self):
+        """What can be put on the result bus: the units' names, and "input"."""
+        return (*(unit.name for unit in self.units), "input")
+
+    @cached_property
+    def read_ports(self):
+        """Pairs of read ports that the program uses."""
+        return tuple(sorted({unit.read_port for unit in self.units}))
+
+    @property
+    def state_words(self):
+        """Addresses below this belong to the state."""
+        return 2 * len(self.schedule.graph.state)
+
+    # The memory.
+
+    @cached_property
+    def constants(self):
+        """Constants that must lie in the memory: magnitude to address."""
+        graph = self.schedule.graph
+        values = dict.fromkeys(node.value for node in graph.nodes if node.operation == "constant")
+        values |= dict.fromkeys(graph.state.values())
+        return {value: self.state_words + index for index, value in enumerate(values)}
+
+    @cached_property
+    def addresses(self) -> dict[Node, int]:
+        """Address of every node."""
+        graph = self.schedule.graph
+        state = {word: 2 * index for index, word in enumerate(graph.state)}
+        addresses = {node: self.constants[node.value] for node in graph.nodes if node.operation == "constant"}
+        addresses |= {node: state[node.label] for node in graph.nodes if node.operation == "state"}
+        addresses |= {node: state[word] + 1 for word, node in graph.next_state.items()}
+
+        # What outputs and status bits wait for is the last thing written to its address.
+        kept = {*graph.outputs.values(), *(operand.node for operand in graph.status.values())}
+        last_read: dict[Node, int] = defaultdict(int)
+        for step in self.schedule.steps:
+            for operand in step.node.operands:
+                last_read[operand.node] = max(last_read[operand.node], step.issue)
+        free_from: list[int] = []
+        base = self.state_words + len(self.constants)
+        for step in sorted(self.schedule.steps, key=lambda step: step.write):
+            if step.node in addresses:
+                continue
+            # An address may be written in the very cycle of its last read.
+            slot = next((slot for slot, free in enumerate(free_from) if free <= step.write), len(free_from))
+            if slot == len(free_from):
+                free_from.append(0)
+            free_from[slot] = self.length if step.node in kept else max(last_read[step.node], step.write + 1)
+            addresses[step.node] = base + slot
+        return addresses
+
+    @cached_property
+    def used(self):
+        """Words of memory in use."""
+        return max([*self.addresses.values(), *self.constants.values(), self.state_words - 1]) + 1
+
+    @cached_property
+    def depth(self):
+        """Words of memory: the next power of two, as the memories of an FPGA come."""
+        return 1 << (self.used - 1).bit_length()
+
+    @cached_property
+    def initial(self):
+        """Contents of the memory when the device is configured, as encodings."""
+        words = [0] * self.depth
+        for value, address in self.constants.items():
+            words[address] = self.format.encode(value)
+        return tuple(words)
+
+    # The words.
+
+    @cached_property
+    def layout(self):
+        """Layout of a word."""
+        address = unsigned((self.depth - 1).bit_length())
+        modes = [mode for unit in self.units for mode in unit.modes.values()]
+        fields = {f"port{port}": data.StructLayout({"a": address, "b": address, "negate_a": 1, "negate_b": 1})
+                  for port in self.read_ports}
+        fields["start"] = data.StructLayout({unit.name: 1 for unit in self.units})
+        if modes:
+            fields["mode"] = data.StructLayout(dict.fromkeys(modes, 1))
+        if "selector" in self.sources:
+            fields["condition"] = data.StructLayout({"address": address, "negate": 1})
+        inputs = unsigned(max(1, (len(self.schedule.graph.inputs) - 1).bit_length()))
+        fields |= {
+            "write": data.StructLayout({"enable": 1, "restore": 1, "address": address,
+                                        "source": unsigned((len(self.sources) - 1).bit_length())}),
+            "input": inputs,
+            "advance": 1,
+        }
+        return data.StructLayout(fields)
+
+    @cached_property
+    def words(self):
+        """The program: one dict, nested as ``layout``, a cycle."""
+        words: list[dict] = [{} for _ in range(self.length)]
+        units = {unit.name: unit for unit in self.units}
+        graph = self.schedule.graph
+        for step in self.schedule.steps:
+            issue, write = words[step.issue], words[step.write]
+            write["write"] = {"enable": 1, "restore": int(step.node.operation == "state"),
+                              "source": self.sources.index(step.unit), "address": self.addresses[step.node]}
+            if step.unit == "input":
+                issue["input"] = graph.inputs.index(step.node.label)
+                continue
+            unit = units[step.unit]
+            issue.setdefault("start", {})[unit.name] = 1
+            if step.node.operation in unit.modes:
+                issue.setdefault("mode", {})[unit.modes[step.node.operation]] = 1
+            if step.node.operation == "state":
+                operands = [(self.constants[graph.state[step.node.label]], False)]
+            else:
+                operands = [(self.addresses[operand.node], operand.negated) for operand in step.node.operands]
+            # A single operand goes to both ports, which makes a copy of a choice.
+            first, second = operands[0], operands[min(1, len(operands) - 1)]
+            issue[f"port{unit.read_port}"] = {"a": first[0], "negate_a": first[1], "b": second[0], "negate_b": second[1]}
+            if len(operands) == 3:
+                issue["condition"] = {"address": operands[2][0], "negate": operands[2][1]}
+        for end in self.schedule.section_ends:
+            words[end]["advance"] = 1
+        return words

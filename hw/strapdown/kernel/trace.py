@@ -1,0 +1,235 @@
+"""Kernels run once with symbols for numbers: the graph of their operations."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from .value import Namespace, Value
+
+__all__ = ["Node", "Operand", "Graph", "Origin", "Tracer"]
+
+EQUATIONS = "strapdown.algorithms."
+"""Modules whose lines count as the origin of an operation."""
+
+
+class Origin(NamedTuple):
+    """A line of a kernel."""
+
+    file: str
+    line: int
+    function: str
+
+    def __str__(self):
+        return f"{self.file}:{self.line} {self.function}"
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One value of a graph: an operation, or where a value comes from.
+
+    ``operation`` is one of add, multiply, divide, sqrt, atan2, select, copy (computed), input,
+    state or constant. ``label`` is the port, state word or number of the last three.
+    ``origin`` is the chain of kernel lines that asked for it, outermost first.
+    """
+
+    operation: str
+    operands: tuple["Operand", ...] = ()
+    label: str = ""
+    value: float = 0.0
+    section: str = ""
+    origin: tuple[Origin, ...] = ()
+
+    @property
+    def computed(self):
+        """Whether a unit has to compute it."""
+        return self.operation not in ("input", "state", "constant")
+
+    def __str__(self):
+        if not self.computed:
+            return self.label
+        arguments = ", ".join(f"{'-' * operand.negated}{operand.node.label or '·'}" for operand in self.operands)
+        return f"{self.operation}({arguments})"
+
+
+class Operand(NamedTuple):
+    """A node as seen by an operation: its value, or its value with the sign turned."""
+
+    node: Node
+    negated: bool = False
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The operations of one system, in an order that respects their dependences.
+
+    Attributes
+    ----------
+    nodes : tuple of Node
+        All values that are needed, operands before results.
+    inputs : tuple of str
+        Input ports, in order.
+    state : dict
+        State word to its value after reset.
+    next_state, outputs, status : dict
+        State word, output port or status bit to the node that gives it. A status bit is the
+        sign of its operand.
+    sections : tuple of str
+        Stages, in order.
+    """
+
+    nodes: tuple[Node, ...]
+    inputs: tuple[str, ...]
+    outputs: dict[str, Node]
+    state: dict[str, float] = field(default_factory=dict)
+    next_state: dict[str, Node] = field(default_factory=dict)
+    status: dict[str, Operand] = field(default_factory=dict)
+    sections: tuple[str, ...] = ()
+
+    def count(self):
+        """Number of operations of each kind."""
+        kinds = [node.operation for node in self.nodes if node.computed]
+        return {kind: kinds.count(kind) for kind in sorted(set(kinds))}
+
+
+class Symbol(Value):
+    """A value that is not known yet."""
+
+    def __init__(self, namespace, operand):
+        super().__init__(namespace)
+        self.operand = operand
+
+
+class Condition(NamedTuple):
+    """True where the sign bit of an operand is set."""
+
+    operand: Operand
+
+    def __bool__(self):
+        raise TypeError("a kernel's value is not known while the kernel runs: use xp.select")
+
+
+class Tracer(Namespace):
+    """The namespace in which a kernel leaves its operations behind, equal ones once.
+
+    Sign changes cost nothing: they are kept with the operand that reads the value.
+
+    Parameters
+    ----------
+    format : FloatFormat
+        Format in which numbers of the kernel are told apart.
+    sections : tuple of str
+        Stages the kernel may name; what it computes outside of them belongs to the first.
+    """
+
+    def __init__(self, format, sections):
+        self._format = format
+        self._sections = sections
+        self._section = sections[0]
+        self._nodes: dict[tuple, Node] = {}
+        self._words: dict[Node, str] = {}
+
+    # Where values come from.
+
+    def lift(self, number):
+        magnitude = float(self._format.array(abs(number)))
+        label = f"{magnitude:.{self._format.decimal_digits}g}"
+        return self._symbol(Operand(self._node("constant", label=label, value=magnitude), number < 0))
+
+    def source(self, operation, label):
+        """The symbol of an input port or a state word."""
+        return self._symbol(Operand(self._node(operation, label=label)))
+
+    # Operations.
+
+    def negate(self, a):
+        return self._symbol(Operand(a.operand.node, not a.operand.negated))
+
+    def add(self, a, b):
+        # x - 0 is x, whatever x is; -0 is what ``subtract`` makes of the constant 0.
+        if b.operand.node.operation == "constant" and b.operand.node.value == 0 and b.operand.negated:
+            return a
+        return self._compute("add", a, b)
+
+    def multiply(self, a, b):
+        return self._compute("multiply", a, b)
+
+    def divide(self, a, b):
+        return self._compute("divide", a, b)
+
+    def sqrt(self, a):
+        return self._compute("sqrt", self.lift_value(a))
+
+    def atan2(self, y, x):
+        return self._compute("atan2", self.lift_value(y), self.lift_value(x))
+
+    def is_negative(self, a):
+        return Condition(a.operand)
+
+    def select(self, condition, a, b):
+        return self._compute("select", self.lift_value(a), self.lift_value(b), condition=condition.operand)
+
+    @contextmanager
+    def section(self, name):
+        """Context manager: what is computed inside belongs to the stage ``name``."""
+        if name not in self._sections:
+            raise ValueError(f"section must be one of {', '.join(self._sections)}, not {name!r}")
+        outer, self._section = self._section, name
+        yield
+        self._section = outer
+
+    # The graph.
+
+    def settled(self, symbol, word=None):
+        """A computed node with the value of ``symbol``: a copy where it is merely read or has its sign turned.
+
+        For a state ``word`` the node is that word's own, since it is written to one place.
+        """
+        operand = symbol.operand
+        shared = word is not None and self._words.setdefault(operand.node, word) != word
+        if operand.negated or not operand.node.computed or shared:
+            return self._node("copy", (operand,), label=word or "")
+        return operand.node
+
+    def graph(self, **interface):
+        """The graph of all that ``outputs``, ``next_state`` and ``status`` need."""
+        wanted = [*interface["outputs"].values(), *interface.get("next_state", {}).values(),
+                  *(operand.node for operand in interface.get("status", {}).values())]
+        needed = set()
+        while wanted:
+            node = wanted.pop()
+            if node not in needed:
+                needed.add(node)
+                wanted += [operand.node for operand in node.operands]
+        nodes = tuple(node for node in self._nodes.values() if node in needed)
+        return Graph(nodes=nodes, sections=self._sections, **interface)
+
+    def _compute(self, operation, *symbols, condition=None):
+        operands = tuple(symbol.operand for symbol in symbols)
+        if condition is not None:
+            operands += (condition,)
+        return self._symbol(Operand(self._node(operation, operands)))
+
+    def _node(self, operation, operands=(), label="", value=0.0):
+        key = (operation, operands, label)
+        if key not in self._nodes:
+            self._nodes[key] = Node(operation, operands, label, value, self._section, tuple(_origin()))
+        return self._nodes[key]
+
+    def _symbol(self, operand):
+        return Symbol(self, operand)
+
+
+def _origin() -> Iterator[Origin]:
+    """The kernel lines on the call stack, outermost first."""
+    frame, chain = sys._getframe(1), []
+    while frame is not None:
+        module = frame.f_globals.get("__name__", "")
+        if module.startswith(EQUATIONS):
+            file = module.removeprefix("strapdown.").replace(".", "/") + ".py"
+            chain.append(Origin(file, frame.f_lineno, frame.f_code.co_name))
+        frame = frame.f_back
+    # A generator expression inside a kernel function is a frame of its own: keep the function's.
+    named = [origin for origin in chain if not origin.function.startswith("<")]
+    yield from reversed(named or chain)

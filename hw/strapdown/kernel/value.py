@@ -1,0 +1,88 @@
+"""Scalars of a kernel: Python's operators, handed on to the namespace that gives them meaning."""
+
+from contextlib import nullcontext
+from numbers import Real
+
+__all__ = ["Namespace", "Value"]
+
+
+class Namespace:
+    """Base of the namespaces whose values are not plain numbers.
+
+    A subclass supplies ``lift`` (number to value), ``negate``, ``add``, ``multiply``,
+    ``divide``, ``sqrt``, ``atan2``, ``is_negative`` (value to condition) and ``select``.
+    The circuit has no comparator: ``a < b`` is the sign of ``a - b``.
+    """
+
+    def lift_value(self, operand):
+        """``operand`` as a value of this namespace; TypeError if it is no number."""
+        if isinstance(operand, Value):
+            if operand.namespace is not self:
+                raise TypeError("a kernel must not mix values of two namespaces")
+            return operand
+        if isinstance(operand, Real):
+            return self.lift(float(operand))
+        raise TypeError(f"a kernel computes with numbers, not with {operand!r}")
+
+    def subtract(self, a, b):
+        """a - b: the sum with b's sign turned."""
+        return self.add(a, self.negate(b))
+
+    def maximum(self, a, b):
+        """The larger of a and b; a if both are equal."""
+        a, b = self.lift_value(a), self.lift_value(b)
+        return self.select(a < b, b, a)
+
+    def section(self, name):
+        """Context manager: what is computed inside belongs to the stage ``name``."""
+        return nullcontext()
+
+
+class Value:
+    """A scalar with Python's arithmetic; each operation is its namespace's."""
+
+    # NumPy scalars and arrays must not broadcast over a Value, but hand the operation to it.
+    __array_ufunc__ = None
+
+    def __init__(self, namespace):
+        self.namespace = namespace
+
+    def _binary(self, operation, a, b):
+        lift = self.namespace.lift_value
+        return operation(lift(a), lift(b))
+
+    def __add__(self, other):
+        return self._binary(self.namespace.add, self, other)
+
+    def __radd__(self, other):
+        return self._binary(self.namespace.add, other, self)
+
+    def __sub__(self, other):
+        return self._binary(self.namespace.subtract, self, other)
+
+    def __rsub__(self, other):
+        return self._binary(self.namespace.subtract, other, self)
+
+    def __mul__(self, other):
+        return self._binary(self.namespace.multiply, self, other)
+
+    def __rmul__(self, other):
+        return self._binary(self.namespace.multiply, other, self)
+
+    def __truediv__(self, other):
+        return self._binary(self.namespace.divide, self, other)
+
+    def __rtruediv__(self, other):
+        return self._binary(self.namespace.divide, other, self)
+
+    def __neg__(self):
+        return self.namespace.negate(self)
+
+    def __lt__(self, other):
+        return self.namespace.is_negative(self - other)
+
+    def __gt__(self, other):
+        return self.namespace.is_negative(other - self)
+
+    def __bool__(self):
+        raise TypeError("a kernel's value is not known while the kernel runs: use xp.select")

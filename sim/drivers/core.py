@@ -1,0 +1,88 @@
+"""A core in Verilator: updates on float arrays, with the state looked at from inside."""
+
+import numpy as np
+
+from .verilated import Interface, VerilatedModel
+
+__all__ = ["CoreModel"]
+
+
+class CoreModel:
+    """A generated core, Verilated.
+
+    Parameters
+    ----------
+    core : strapdown.cores.Core
+        The core that the file was made from.
+    verilog : Path
+        Its Verilog file.
+    build : Path
+        Folder for compiled models.
+    """
+
+    def __init__(self, core, verilog, build):
+        self.core = core
+        system, program = core.system, core.engine.program
+        self._format = program.format
+        self._state = dict(program.schedule.graph.state)
+        engine = f"{system.name}__DOT__engine__DOT__"
+        probes = {f"{word}.{bank}": (f"{system.name}_engine", "operands", f"{engine}operands[{2 * index + bank}]")
+                  for index, word in enumerate(self._state) for bank in (0, 1)}
+        if probes:
+            probes |= {name: (f"{system.name}_engine", name, engine + name) for name in ("bank", "fresh")}
+        outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
+        self._model = VerilatedModel(verilog, Interface(
+            system.name, system.input_ports, outputs, start=system.start, finish=system.finish, probes=probes), build)
+
+    def update(self, inputs, *, progress=None):
+        """One update per sample, in order, from reset.
+
+        Parameters
+        ----------
+        inputs : dict
+            Input port to numbers, shape (N,), in the port's unit; rounded to the core's format.
+        progress : callable or None
+            Called with the number of updates done, now and then.
+
+        Returns
+        -------
+        dict
+            Output port and state word to arrays of the format's dtype, shape (N,), as they stand
+            after each update; the status port to integers; ``cycles`` to integers.
+        """
+        fmt, system = self._format, self.core.system
+        with np.errstate(all="ignore"):
+            bits = {port: fmt.to_bits(inputs[port]) for port in system.input_ports}
+        answer = self._model.transact(bits, limit=2 * self.core.latency, progress=progress)
+        result = {port: fmt.from_bits(answer[port].astype(fmt.bits_dtype)) for port in system.output_ports}
+        result["cycles"] = answer["cycles"].astype(int)
+        if system.status_port:
+            result[system.status_port] = answer[system.status_port].astype(int)
+        for word, reset in self._state.items():
+            stored = np.where(answer["bank"] == 1, answer[f"{word}.1"], answer[f"{word}.0"])
+            stored = np.where(answer["fresh"] == 1, fmt.encode(reset), stored)
+            result[word] = fmt.from_bits(stored.astype(fmt.bits_dtype))
+        return result
+
+    def differing_bits(self, inputs, result):
+        """How many bits of ``result``, as ``update`` gave it, differ from the software twin.
+
+        Each update is computed again by the twin from the state that the circuit held before
+        it, all updates at once. If none differs, and since the first state is the reset state,
+        the circuit ran as the twin runs from reset, in every bit of outputs and state.
+        """
+        fmt, system = self._format, self.core.system
+        before = {word: np.concatenate(([fmt.array(reset)], result[word][:-1])) for word, reset in self._state.items()}
+        twin = system.update_twin(self.core.engine.program.schedule.pool, inputs, before)
+        refused = twin.get("refused", np.zeros(len(result["cycles"]), dtype=bool))
+        held = {port: fmt.array(value) for port, value in self.core.engine.reset_outputs.items()}
+        count = 0
+        for name in (*system.output_ports, *self._state):
+            previous = before[name] if name in before else np.concatenate(([held[name]], result[name][:-1]))
+            expected = np.where(refused, previous, twin[name])
+            count += int(np.bitwise_count(fmt.to_bits(expected) ^ fmt.to_bits(result[name])).sum())
+        if system.status_port:
+            expected = sum(((twin[name] & ~refused) if name != "refused" else refused).astype(int) << bit
+                           for bit, name in enumerate(self.core.engine.status_names) if name in twin)
+            count += int(np.bitwise_count(expected ^ result[system.status_port]).sum())
+        return count
