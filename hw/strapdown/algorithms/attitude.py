@@ -21,12 +21,12 @@ class Update(NamedTuple):
     """What one update gives: values by name, the same names as the system's interface."""
 
     outputs: dict
-    state: dict = {}
-    status: dict = {}
+    state: dict | None = None
+    status: dict | None = None
 
 
 def accelerometer_error(xp, a, v):
-    """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26, 2.30.
+    """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26 and 2.30.
 
     Returns (e_a, whether ``a`` has no length). The product comes before the division, so that
     square root and division run beside it.
@@ -36,7 +36,7 @@ def accelerometer_error(xp, a, v):
 
 
 def magnetometer_error(xp, m, c, axes):
-    """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27-2.29.
+    """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27 to 2.30.
 
     ``m`` is in sensor axes, ``axes`` lays them along the body's. w is proportional to |m|, so
     e_m is the error of the field as measured, divided once by |m|²: no root, and the division
@@ -51,7 +51,7 @@ def magnetometer_error(xp, m, c, axes):
 
 
 def rate_correction(xp, g, e_a, e_m, i, kp, ki_period):
-    """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.32, 2.33.
+    """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.31.
 
     Returns (omega, i).
     """
@@ -61,7 +61,7 @@ def rate_correction(xp, g, e_a, e_m, i, kp, ki_period):
 
 
 def quaternion_update(xp, q, omega, half_period):
-    """q := q + T/2·q⊗(0, omega), then q := q/|q|: INS_quat, eq. 2.42 (third row: + q3·gx), 2.45."""
+    """q := q + T/2·q⊗(0, omega), then q := q/|q|: INS_quat, eq. 2.42 (third row: + q3·gx) and 2.45."""
     (q0, q1, q2, q3), (p0, p1, p2, p3) = q, scale(half_period, q)
     x, y, z = omega
     q = ((q0 - p1 * x) - (p2 * y + p3 * z),
@@ -74,7 +74,7 @@ def quaternion_update(xp, q, omega, half_period):
 
 def matrix_from_quaternion(xp, q):
     """C = C_n^b from q as rows: INS_matx, eq. 2.34 (in c23 read q0q1 for the second q1q2)."""
-    q0, q1, q2, q3 = q
+    _, q1, q2, q3 = q
     d0, d1, d2, d3 = add(q, q)
     return ((1 - (d2 * q2 + d3 * q3), d1 * q2 + d0 * q3, d1 * q3 - d0 * q2),
             (d1 * q2 - d0 * q3, 1 - (d1 * q1 + d3 * q3), d2 * q3 + d0 * q1),
@@ -82,7 +82,7 @@ def matrix_from_quaternion(xp, q):
 
 
 def euler_angles(xp, c11, c12, c13, c23, c33):
-    """Pitch, roll and yaw (Z-Y-X) in degrees from elements of C_n^b: INS_euler, eq. 2.35-2.37.
+    """Pitch, roll and yaw (Z-Y-X) in degrees from elements of C_n^b: INS_euler, table 5-6.
 
     pitch = atan2(-c13, sqrt(1 - c13²)), roll = atan2(c23, c33), yaw = atan2(c12, c11) in
     [0, 360). The root's argument is held at zero or above, for gimbal lock and for a c13 that

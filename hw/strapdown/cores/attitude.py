@@ -47,7 +47,8 @@ def ins_acc(config):
 
     return System(
         "INS_acc", "error of the vertical, from the accelerometer", equations,
-        kernels=(attitude.accelerometer_error,), meanings=MEANINGS, sections=("ACC",), start="in_acc_en", finish="out_acc_finish",
+        kernels=(attitude.accelerometer_error,), meanings=MEANINGS,
+        sections=("ACC",), start="in_acc_en", finish="out_acc_finish",
         inputs={"a": _vector("in_acc{}"), "v": _vector("in_c{}", ("13", "23", "33"))},
         outputs={"e_a": _vector("out_e{}a")})
 
@@ -60,7 +61,8 @@ def ins_mag(config):
 
     return System(
         "INS_mag", "error against the horizontal field, from the magnetometer", equations,
-        kernels=(attitude.magnetometer_error,), meanings=MEANINGS, sections=("MAG",), start="in_mag_en", finish="out_mag_finish",
+        kernels=(attitude.magnetometer_error,), meanings=MEANINGS,
+        sections=("MAG",), start="in_mag_en", finish="out_mag_finish",
         inputs={"m": _vector("in_mag{}"), "c": _matrix("in_c{}")},
         outputs={"e_m": _vector("out_e{}m")})
 
@@ -73,7 +75,8 @@ def ins_gyro(config):
 
     return System(
         "INS_gyro", "angular rate, corrected by both errors and their integral", equations,
-        kernels=(attitude.rate_correction,), meanings=MEANINGS, sections=("GYRO",), start="in_gyro_en", finish="out_gyro_finish",
+        kernels=(attitude.rate_correction,), meanings=MEANINGS,
+        sections=("GYRO",), start="in_gyro_en", finish="out_gyro_finish",
         inputs={"g": _vector("in_gyro{}"), "e_a": _vector("in_e{}a"), "e_m": _vector("in_e{}m"),
                 "i": _vector("in_e{}i")},
         outputs={"i": _vector("out_e{}i"), "omega": _vector("out_w{}")})
@@ -86,7 +89,8 @@ def ins_quat(config):
 
     return System(
         "INS_quat", "quaternion one sample period later", equations,
-        kernels=(attitude.quaternion_update,), meanings=MEANINGS, sections=("QUAT",), start="in_quat_en", finish="out_quat_finish",
+        kernels=(attitude.quaternion_update,), meanings=MEANINGS,
+        sections=("QUAT",), start="in_quat_en", finish="out_quat_finish",
         inputs={"q": _vector("in_q{}", "0123"), "omega": _vector("in_w{}")},
         outputs={"q": _vector("out_q{}", "0123")})
 
@@ -98,7 +102,8 @@ def ins_matx(config):
 
     return System(
         "INS_matx", "matrix from quaternion", equations,
-        kernels=(attitude.matrix_from_quaternion,), meanings=MEANINGS, sections=("MATX",), start="in_matx_en", finish="out_matx_finish",
+        kernels=(attitude.matrix_from_quaternion,), meanings=MEANINGS,
+        sections=("MATX",), start="in_matx_en", finish="out_matx_finish",
         inputs={"q": _vector("in_q{}", "0123")}, outputs={"c": _matrix("out_c{}")})
 
 
@@ -109,7 +114,8 @@ def ins_euler(config):
 
     return System(
         "INS_euler", "pitch, roll and yaw from the matrix", equations,
-        kernels=(attitude.euler_angles,), meanings=MEANINGS, sections=("EULER",), start="in_euler_en", finish="out_euler_finish",
+        kernels=(attitude.euler_angles,), meanings=MEANINGS,
+        sections=("EULER",), start="in_euler_en", finish="out_euler_finish",
         inputs={"c": _vector("in_c{}", ("11", "12", "13", "23", "33"))},
         outputs={"angles": _vector("out_{}", ("pitch", "roll", "yaw"))})
 
@@ -121,7 +127,8 @@ def ins_atan(config):
 
     return System(
         "INS_atan", "angle of a sine and a cosine", equations,
-        kernels=(), meanings=MEANINGS, sections=("ATAN",), start="in_atan_en", finish="out_atan_finish",
+        kernels=(), meanings=MEANINGS,
+        sections=("ATAN",), start="in_atan_en", finish="out_atan_finish",
         inputs={"cosine": "in_a", "sine": "in_b"}, outputs={"angle": "out_result"})
 
 
@@ -135,7 +142,8 @@ def ins_top(config):
     reset = dict.fromkeys((*state["q"], *(word for row in state["c"] for word in row), *state["i"]), 0.0)
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
-        kernels=KERNELS, meanings=MEANINGS, sections=("ACC_MAG", "GYRO", "QUAT", "MATX", "EULER"),
+        kernels=KERNELS, meanings=MEANINGS,
+        sections=("ACC_MAG", "GYRO", "QUAT", "MATX", "EULER"),
         start="in_data_en", finish="out_INS_finish",
         inputs={"a": _vector("in_acc{}"), "m": _vector("in_mag{}"), "g": _vector("in_gyro{}")},
         outputs={"c": _matrix("out_c{}"), "angles": _vector("out_{}", ("pitch", "roll", "yaw"))},

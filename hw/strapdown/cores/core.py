@@ -49,8 +49,8 @@ class Core(wiring.Component):
 
     def elaborate(self, platform):
         m = Module()
-        m.domains.sync = domain = ClockDomain(async_reset=True)
-        m.d.comb += [domain.clk.eq(self.clk), domain.rst.eq(~self.rst_n)]
+        m.domains.sync = ClockDomain(async_reset=True)
+        m.d.comb += [ClockSignal().eq(self.clk), ResetSignal().eq(~self.rst_n)]
         m.submodules.engine = engine = self._engine
         for name, member in engine.signature.members.items():
             source, sink = (self, engine) if member.flow == In else (engine, self)

@@ -9,7 +9,7 @@ from amaranth.back import verilog
 
 from strapdown.kernel.system import leaves
 
-from .listing import microprogram_listing
+from .explain import microprogram_listing
 from .tidy import tidy
 
 __all__ = ["verilog_text", "description", "write_core"]
@@ -33,7 +33,7 @@ def header(core, config):
              f"Made by strapdown {version('strapdown')} from configuration {config.name} ({config.description}).",
              "Change the kernel or the configuration, not this file.", "", "EQUATIONS"]
     for kernel in system.kernels:
-        lines += _paragraph(f"{kernel.__name__}: " + inspect.getdoc(kernel).split("\n\n")[0])
+        lines += _paragraph(f"{kernel.__name__}: " + (inspect.getdoc(kernel) or "").split("\n\n")[0])
     lines += ["", "CONFIGURATION", *_table(sorted(configuration(config).items())), "", "PORTS",
               *_table((port["name"], f"{port['direction']} {port['width']}", port["meaning"]) for port in ports(core)),
               "", "TIMING"]

@@ -1,7 +1,5 @@
 """The machine that runs a microprogram: sequencer, operand memory, operators, result bus."""
 
-import enum
-
 from amaranth import *
 from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
@@ -99,30 +97,32 @@ class Engine(wiring.Component):
 
         # Sequencer. The program counter runs one word ahead of the word that is out: the ROM
         # registers its output, and word 0 is out whenever the engine is idle.
-        State = enum.Enum("State", {name: index for index, name in enumerate(self.state_names)})
-        state = Signal(range(len(State)), init=State.IDLE.value)
+        IDLE, END = 0, len(self.state_names) - 1
+        state = Signal(range(END + 1), init=IDLE)
         counter = Signal(range(program.length))
         idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
-        m.d.comb += [idle.eq(state == State.IDLE.value), ending.eq(state == State.END.value),
+        m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END),
                      running.eq(~(idle | ending))]
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words)
         fetch = rom.read_port()
         word = Signal(program.layout)
         last = Signal()
         m.d.comb += [fetch.addr.eq(counter), fetch.en.eq(~last), word.eq(fetch.data),
-                     last.eq(word.advance & (state == State.END.value - 1))]
-        with m.If(idle):
-            with m.If(start):
-                m.d.sync += [state.eq(state + 1), counter.eq(1), finish.eq(0)]
+                     last.eq(word.advance & (state == END - 1))]
+        taken = Signal(name="taken")
+        m.d.comb += taken.eq(idle & start)
+        with m.If(taken):
+            m.d.sync += [state.eq(state + 1), counter.eq(1), finish.eq(0)]
         with m.Elif(ending):
-            m.d.sync += [state.eq(State.IDLE.value), finish.eq(1)]
-        with m.Else():
+            m.d.sync += [state.eq(IDLE), finish.eq(1)]
+        with m.Elif(running):
             m.d.sync += [counter.eq(Mux(last, 0, counter + 1)), state.eq(state + word.advance)]
 
         # Inputs, as they were at the edge that took the start.
         captured = [Signal(program.format.width, name=f"{port}_q", reset_less=True) for port in graph.inputs]
-        with m.If(idle & start):
-            m.d.sync += [register.eq(getattr(self, port)) for register, port in zip(captured, graph.inputs, strict=True)]
+        with m.If(taken):
+            m.d.sync += [register.eq(getattr(self, port))
+                         for register, port in zip(captured, graph.inputs, strict=True)]
 
         # Operand memory: read before the edge, written at it, so ports need not be transparent.
         m.submodules.operands = operands = Memory(shape=program.format.width, depth=program.depth, init=program.initial)
@@ -201,10 +201,10 @@ class Engine(wiring.Component):
             with m.Elif(writes & (bus.exponent == program.format.exponent_special)):
                 m.d.sync += refused.eq(1)
             status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
-            for name, operand in graph.status.items():
+            for name, condition in graph.status.items():
                 flag = Signal(name=name)
-                with m.If(writes & (word.write.address == program.addresses[operand.node])):
-                    m.d.sync += flag.eq(bus.sign ^ operand.negated)
+                with m.If(writes & (word.write.address == program.addresses[condition.node])):
+                    m.d.sync += flag.eq(bus.sign ^ condition.negated)
                 with m.If(ending):
                     m.d.sync += status[name].eq(flag & ~refused)
             with m.If(ending):

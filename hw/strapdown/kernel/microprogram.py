@@ -123,7 +123,7 @@ class Microprogram:
         """Layout of a word."""
         address = unsigned((self.depth - 1).bit_length())
         modes = [mode for unit in self.units for mode in unit.modes.values()]
-        fields = {f"port{port}": data.StructLayout({"a": address, "b": address, "negate_a": 1, "negate_b": 1})
+        fields: dict = {f"port{port}": data.StructLayout({"a": address, "b": address, "negate_a": 1, "negate_b": 1})
                   for port in self.read_ports}
         fields["start"] = data.StructLayout({unit.name: 1 for unit in self.units})
         if modes:
@@ -162,7 +162,8 @@ class Microprogram:
                 operands = [(self.addresses[operand.node], operand.negated) for operand in step.node.operands]
             # A single operand goes to both ports, which makes a copy of a choice.
             first, second = operands[0], operands[min(1, len(operands) - 1)]
-            issue[f"port{unit.read_port}"] = {"a": first[0], "negate_a": first[1], "b": second[0], "negate_b": second[1]}
+            issue[f"port{unit.read_port}"] = {"a": first[0], "negate_a": first[1],
+                                              "b": second[0], "negate_b": second[1]}
             if len(operands) == 3:
                 issue["condition"] = {"address": operands[2][0], "negate": operands[2][1]}
         for end in self.schedule.section_ends:

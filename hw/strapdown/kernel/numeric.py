@@ -45,11 +45,9 @@ class Twin(Namespace):
         self._format = pool.format
         self.finite = np.True_
 
-    def value(self, array):
-        """A scalar of the kernel from an array over samples."""
-        return TwinValue(self, self._format.array(array))
-
-    lift = value
+    def lift(self, number):
+        """A scalar of the kernel from an array over samples, or from a number."""
+        return TwinValue(self, self._format.array(number))
 
     def negate(self, a):
         return TwinValue(self, -a.array)

@@ -4,13 +4,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-
-from amaranth.lib import wiring
+from typing import Any
 
 from strapdown.cordic import CordicAtan2
 from strapdown.fp import BINARY32, FloatFormat, FpAdd, FpDivideSquareRoot, FpMultiply, FpSelect, Subnormals
 
 __all__ = ["Pool", "Unit"]
+
+FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Unit:
     """
 
     name: str
-    make: Callable[[], wiring.Component]
+    make: Callable[[], Any]
     operations: dict[str, Callable]
     read_port: int
     operands: tuple[str, str] = ("a", "b")
@@ -68,7 +69,7 @@ class Pool:
     Raises: TypeError and ValueError for parameters that an operator refuses.
     """
 
-    format: FloatFormat = BINARY32.with_subnormals(Subnormals.FLUSH)
+    format: FloatFormat = FLUSHED32
     adder_latency: int = 4
     multiplier_latency: int = 3
     divider_bits_per_cycle: int = 2

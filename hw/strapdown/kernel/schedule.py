@@ -69,7 +69,7 @@ class Schedule:
                 ("read port", [(units[step.unit].read_port, step.issue) for step in self.steps if step.unit in units])):
             busiest, count = Counter(uses).most_common(1)[0]
             assert count == 1, f"{resource} {busiest} is used {count} times"
-        last = {}
+        last: dict[str, int] = {}
         for step in self.steps:
             latency = units[step.unit].latency if step.unit in units else 0
             assert step.write == step.issue + latency, f"{step} is not written when its result is there"
@@ -108,7 +108,7 @@ def schedule(graph, pool):
         if table.length(shorter) >= table.length(issues):
             break
         issues = shorter
-    steps = [Step(node, table.units[node].name if table.units[node] else "input", issue, issue + table.latency[node])
+    steps = [Step(node, unit.name if (unit := table.units[node]) else "input", issue, issue + table.latency[node])
              for node, issue in issues.items()]
     result = Schedule(graph, pool, tuple(sorted(steps, key=lambda step: step.issue)))
     result.verify()
@@ -130,13 +130,14 @@ class _Table:
         self.latency = {node: unit.latency if unit else 0 for node, unit in self.units.items()}
         self.operands = {node: [operand.node for operand in node.operands if operand.node.operation != "constant"]
                          for node in self.nodes}
-        self.readers = {node: [] for node in self.nodes}
+        self.readers: dict[Node, list[Node]] = {node: [] for node in self.nodes}
         for node in self.nodes:
             for operand in self.operands[node]:
                 self.readers[operand].append(node)
-        self.to_go = {}
+        self.to_go: dict[Node, int] = {}
         for node in reversed(self.nodes):
-            self.to_go[node] = self.latency[node] + 1 + max((self.to_go[reader] for reader in self.readers[node]), default=0)
+            rest = max((self.to_go[reader] for reader in self.readers[node]), default=0)
+            self.to_go[node] = self.latency[node] + 1 + rest
 
     def length(self, issues):
         """Cycles from the first issue to the last write."""
@@ -148,7 +149,8 @@ class _Table:
         ``order`` has operands before (or, ``late``, after) their readers. The first cycle is 0.
         """
         direction = -1 if late else 1
-        issues, taken = {}, set()
+        issues: dict[Node, int] = {}
+        taken: set[tuple] = set()
         for node in order:
             if late:
                 cycle = min((issues[reader] for reader in self.readers[node]), default=0) - 1 - self.latency[node]
@@ -164,7 +166,7 @@ class _Table:
     def _needs(self, node, cycle):
         """What a node takes up if it is issued in ``cycle``: the result bus, a read port, its unit."""
         unit = self.units[node]
-        needs = [("bus", cycle + self.latency[node])]
+        needs: list[tuple] = [("bus", cycle + self.latency[node])]
         if unit:
             needs += [("port", unit.read_port, cycle), *((unit.name, cycle + busy) for busy in range(unit.interval))]
         return needs

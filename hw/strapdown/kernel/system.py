@@ -119,7 +119,7 @@ class System:
         xp = Twin(pool)
         inputs = {port: pool.format.array(array) for port, array in inputs.items()}
         with np.errstate(all="ignore"):
-            update = self._update(xp, xp.value, lambda value: value.array, inputs, state)
+            update = self._update(xp, xp.lift, lambda value: value.array, inputs, state)
         if self.status_port:
             refused = ~xp.finite
             for array in inputs.values():
@@ -133,7 +133,7 @@ class System:
             xp,
             **{name: shaped(ports, lambda port: wrap(inputs[port])) for name, ports in self.inputs.items()},
             **{name: shaped(words, lambda word: wrap(state[word])) for name, words in self.state.items()})
-        results = {}
+        results: dict = {}
         for names, values in (self.outputs, update.outputs), (self.state, update.state):
             for name, tree in names.items():
                 results |= {leaf: unwrap(value) for leaf, value in zip(leaves(tree), leaves(values[name]), strict=True)}

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import FrameType
 from typing import NamedTuple
 
 from .value import Namespace, Value
@@ -223,7 +224,8 @@ class Tracer(Namespace):
 
 def _origin() -> Iterator[Origin]:
     """The kernel lines on the call stack, outermost first."""
-    frame, chain = sys._getframe(1), []
+    chain = []
+    frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         module = frame.f_globals.get("__name__", "")
         if module.startswith(EQUATIONS):

@@ -1,18 +1,53 @@
 """Scalars of a kernel: Python's operators, handed on to the namespace that gives them meaning."""
 
+from abc import ABC, abstractmethod
 from contextlib import nullcontext
 from numbers import Real
 
 __all__ = ["Namespace", "Value"]
 
 
-class Namespace:
+class Namespace(ABC):
     """Base of the namespaces whose values are not plain numbers.
 
-    A subclass supplies ``lift`` (number to value), ``negate``, ``add``, ``multiply``,
-    ``divide``, ``sqrt``, ``atan2``, ``is_negative`` (value to condition) and ``select``.
     The circuit has no comparator: ``a < b`` is the sign of ``a - b``.
     """
+
+    @abstractmethod
+    def lift(self, number):
+        """A number as a value."""
+
+    @abstractmethod
+    def negate(self, a):
+        """-a."""
+
+    @abstractmethod
+    def add(self, a, b):
+        """a + b."""
+
+    @abstractmethod
+    def multiply(self, a, b):
+        """a · b."""
+
+    @abstractmethod
+    def divide(self, a, b):
+        """a / b."""
+
+    @abstractmethod
+    def sqrt(self, a):
+        """Square root of a value or number."""
+
+    @abstractmethod
+    def atan2(self, y, x):
+        """Angle of the point (x, y), values or numbers, in radians."""
+
+    @abstractmethod
+    def is_negative(self, a):
+        """The condition that the sign bit of ``a`` is set."""
+
+    @abstractmethod
+    def select(self, condition, a, b):
+        """``a`` where the condition holds, else ``b``."""
 
     def lift_value(self, operand):
         """``operand`` as a value of this namespace; TypeError if it is no number."""

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 
-__all__ = ["microprogram_listing", "explain_cycle"]
+__all__ = ["microprogram_listing", "explain_cycle", "explain_line"]
 
 
 def microprogram_listing(program):
@@ -13,7 +13,8 @@ def microprogram_listing(program):
         for step in started[cycle]:
             parts.append(f"{step.unit}: {_operation(program, step)}")
         for step in written[cycle]:
-            parts.append(f"{_place(program, step.node)} := {step.unit}" + (" (if fresh)" if step.node.operation == "state" else ""))
+            only = " (only after a reset)" if step.node.operation == "state" else ""
+            parts.append(f"{_place(program, step.node)} := {step.unit}{only}")
         if parts:
             origins = "; ".join(dict.fromkeys(str(step.node.origin[0]) for step in started[cycle] if step.node.origin))
             yield f"{cycle:4} {' | '.join(parts)}" + (f"  -- {origins}" if origins else "")
@@ -30,6 +31,14 @@ def explain_cycle(program, cycle):
             yield f"  {verb} {step.unit}: {what}  (issued in cycle {step.issue}, written in cycle {step.write})"
             for origin in step.node.origin:
                 yield f"    {origin}"
+
+
+def explain_line(program, file, line):
+    """Lines for every operation that comes from a line of a kernel."""
+    for step in program.schedule.steps:
+        if any(origin.file.endswith(f"/{file}") and origin.line == line for origin in step.node.origin):
+            yield (f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)}"
+                   f" -> {_place(program, step.node)}")
 
 
 def _by_cycle(program):

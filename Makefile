@@ -1,0 +1,47 @@
+# Every target is one line that calls the project's own tools; .ci/run calls the same targets.
+VENV := .venv
+BIN := $(VENV)/bin
+CONFIG ?= thesis
+SIM ?= verilator
+WAVES ?=
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
+
+.DEFAULT_GOAL := help
+.PHONY: help setup icarus demo verilog test sim lint clean
+
+help: ## Show this list.
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(VENV)/ready ## Prepare .venv with pinned dependencies and the strapdown command.
+
+$(VENV)/ready: pyproject.toml constraints.txt
+	python3 -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+icarus: # Icarus Verilog from Debian, where it is missing and the user may install it.
+	@scripts/install_icarus.sh
+
+demo: setup ## Replay a real recording through generated Verilog; results under build/demo.
+	$(BIN)/python scripts/fetch_recording.py build/recordings
+	$(BIN)/strapdown replay build/recordings/00033_CalInertialAndMag.csv --config mahony --output build/demo
+
+verilog: setup ## Generate all modules of CONFIG into build/verilog/CONFIG.
+	$(BIN)/strapdown generate --config $(CONFIG)
+
+test: setup icarus ## Run all tests.
+	@$(BIN)/python scripts/fetch_recording.py build/recordings
+	$(PYTEST)
+
+sim: setup ## Run every module's cocotb bench in SIM=icarus or verilator; WAVES=1 keeps waveforms.
+	WAVES=$(WAVES) $(PYTEST) tests/sim/test_benches.py -k $(SIM)
+
+lint: setup ## Check style, types, spelling and the direction of imports.
+	$(BIN)/ruff check .
+	$(BIN)/mypy hw/strapdown
+	$(BIN)/mypy sim
+	$(BIN)/lint-imports
+	$(BIN)/codespell
+
+clean: ## Remove what was generated, but not .venv.
+	rm -rf build

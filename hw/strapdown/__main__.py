@@ -1,0 +1,5 @@
+"""``python -m strapdown``: the command line."""
+
+from .cli import main
+
+main()
