@@ -1,5 +1,6 @@
 """A Verilated module as a function on NumPy arrays: rows of stimulus in, rows of answers out."""
 
+import fcntl
 import hashlib
 import os
 import shutil
@@ -87,12 +88,16 @@ class VerilatedModel:
             str(verilator_root()))).encode()).hexdigest()[:16]
         directory = build / f"{interface.top}-{key}"
         self._executable = directory / "model"
-        if not self._executable.exists():
-            self._build(Path(verilog).resolve(), directory, driver, verilator_runtime(build / "runtime"))
+        build.mkdir(parents=True, exist_ok=True)
+        # Another process may want the same model: one builds, the other waits for it.
+        with directory.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not self._executable.exists():
+                self._build(Path(verilog).resolve(), directory, driver, verilator_runtime(build / "runtime"))
 
     def _build(self, verilog, directory, driver, runtime):
-        # Built beside and renamed: another process may build the same model.
-        partial = directory.with_name(f"{directory.name}.{os.getpid()}")
+        # Built beside and renamed, so that a build that was cut off leaves no half model.
+        partial = directory.with_suffix(".partial")
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir(parents=True)
         (partial / "ports.h").write_text(self.interface.header())
@@ -107,10 +112,8 @@ class VerilatedModel:
                  environment=verilator_environment())
         sources = sorted(partial.glob("*.cpp"))
         run_tool(["g++", *compile_flags(), f"-I{partial}", *sources, *runtime, "-o", partial / "model"])
-        try:
-            partial.rename(directory)
-        except OSError:
-            shutil.rmtree(partial)
+        shutil.rmtree(directory, ignore_errors=True)
+        partial.rename(directory)
 
     def stream(self, stimulus, *, progress=None):
         """One row a clock cycle.

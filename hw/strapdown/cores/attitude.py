@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# A core tells its latency and its ports without being elaborated.
 """The attitude cores of the 2015 thesis: which equations stand behind which module and ports."""
 
 from strapdown.algorithms import attitude

@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# A core tells its latency and its ports without being elaborated.
 """An engine under the ports that its users' RTL instantiates."""
 
 from amaranth import *

@@ -1,4 +1,5 @@
 # amaranth: UnusedElaboratable=no
+# Units are also made for their latency and their twin alone.
 """The pool of operators that an engine computes with."""
 
 from collections.abc import Callable

@@ -1,0 +1,86 @@
+"""The cores' handshake, as a user's RTL would drive it."""
+
+import cocotb
+import numpy as np
+from cocotb.clock import Clock
+from cocotb.triggers import FallingEdge, RisingEdge, Timer
+
+__all__ = ["CoreDriver"]
+
+PERIOD_NS = 10
+
+
+class CoreDriver:
+    """Drives the ports of a core; numbers go in and come out as floats of its format.
+
+    Inputs change at the falling edge of the clock and are taken at the rising one; outputs are
+    looked at just before the falling edge.
+    """
+
+    def __init__(self, dut, core):
+        self._dut = dut
+        self._format = core.engine.program.format
+        self.core = core
+        self.system = core.system
+        self.start = getattr(dut, core.system.start)
+        self.finish = getattr(dut, core.system.finish)
+
+    async def reset(self):
+        """Start the clock if need be, reset asynchronously, leave everything idle."""
+        if not getattr(self, "_clock", None):
+            self._clock = cocotb.start_soon(Clock(self._dut.clk, PERIOD_NS, unit="ns").start())
+        self.start.value = 0
+        self.drive(dict.fromkeys(self.system.input_ports, 0.0))
+        self._dut.rst_n.value = 0
+        await Timer(3 * PERIOD_NS, unit="ns")
+        await FallingEdge(self._dut.clk)
+        self._dut.rst_n.value = 1
+
+    async def assert_reset(self):
+        """Pull the reset low between two clock edges, for less than a cycle."""
+        await Timer(PERIOD_NS / 5, unit="ns")
+        self._dut.rst_n.value = 0
+        await Timer(PERIOD_NS / 5, unit="ns")
+        self._dut.rst_n.value = 1
+        await FallingEdge(self._dut.clk)
+
+    async def cycles(self, count):
+        """Wait for ``count`` clock cycles."""
+        for _ in range(count):
+            await FallingEdge(self._dut.clk)
+
+    def drive(self, inputs):
+        """Put numbers on input ports."""
+        for port, value in inputs.items():
+            getattr(self._dut, port).value = int(self._format.to_bits(value))
+
+    def bits(self):
+        """Encodings at the output ports, as a dict of ints."""
+        return {port: int(getattr(self._dut, port).value) for port in self.system.output_ports}
+
+    def outputs(self):
+        """Numbers at the output ports, as a dict of floats."""
+        return {port: float(self._format.from_bits(bits)) for port, bits in self.bits().items()}
+
+    def status(self):
+        """Names of the status bits that are set."""
+        value = int(getattr(self._dut, self.system.status_port).value)
+        return {name for bit, name in enumerate(self.core.engine.status_names) if value >> bit & 1}
+
+    async def begin(self, inputs):
+        """Raise the start for one rising edge; then turn all inputs to noise. Returns after that cycle."""
+        self.drive(inputs)
+        self.start.value = 1
+        await RisingEdge(self._dut.clk)
+        await FallingEdge(self._dut.clk)
+        self.start.value = 0
+        self.drive(dict.fromkeys(self.system.input_ports, np.nan))
+
+    async def update(self, inputs):
+        """One update; returns the number of cycles from the edge that took it to the finish."""
+        await self.begin(inputs)
+        for cycle in range(2 * self.core.latency):
+            if self.finish.value:
+                return cycle
+            await FallingEdge(self._dut.clk)
+        raise AssertionError(f"no {self.system.finish} within {2 * self.core.latency} cycles")

@@ -1,0 +1,90 @@
+"""cocotb benches run on a generated core: builds, runs, raises if a test in the simulator failed."""
+
+import os
+import shutil
+from contextlib import contextmanager
+
+from cocotb_tools.runner import get_results, get_runner
+
+from strapdown.config import CONFIGS
+from strapdown.cores import attitude_core
+from strapdown.export import write_core
+
+from .toolchain import verilator_environment
+
+__all__ = ["core_under_test", "run_bench"]
+
+MODULE, CONFIG = "STRAPDOWN_MODULE", "STRAPDOWN_CONFIG"
+SEED = 20151
+
+
+def core_under_test():
+    """In a bench: the core that is being simulated, and its configuration."""
+    config = CONFIGS[os.environ[CONFIG]]
+    return attitude_core(os.environ[MODULE], config), config
+
+
+def run_bench(benches, module, config, simulator, directory, *, waves=False):
+    """Run cocotb benches on a module.
+
+    Parameters
+    ----------
+    benches : list of str
+        Names of the Python modules with the benches.
+    module, config : str
+        Verilog module and named configuration.
+    simulator : str
+        "icarus" or "verilator".
+    directory : Path
+        Folder for Verilog, build, log and, if ``waves``, the waveform.
+
+    Returns
+    -------
+    int
+        Number of tests that ran. Raises: RuntimeError if one failed or none ran.
+    """
+    verilog = write_core(attitude_core(module, CONFIGS[config]), CONFIGS[config], directory, "")
+    build = directory / "build"
+    runtime = directory.parent / ("runtime-waves" if waves else "runtime")
+    _copy_objects(runtime, build)
+    flags = ["-g2001"] if simulator == "icarus" else ["-Wno-fatal", "--no-timing"]
+    environment = {}
+    if simulator == "verilator":
+        # Benches are short: to compile Verilator's output well would take longer than to run it.
+        environment = verilator_environment() | {"MAKEFLAGS": "OPT_GLOBAL=-O0 OPT_FAST=-O1 OPT_SLOW=-O0"}
+    with _environment(environment):
+        runner = get_runner(simulator)
+        runner.build(sources=[verilog], hdl_toplevel=module, build_dir=build, build_args=flags,
+                     timescale=("1ns", "1ps"), waves=waves, log_file=directory / "build.log")
+        _copy_objects(build, runtime)
+        results = runner.test(
+            test_module=benches, hdl_toplevel=module, build_dir=build, test_dir=directory, seed=SEED,
+            waves=waves, timescale=("1ns", "1ps"), log_file=directory / "test.log",
+            extra_env={MODULE: module, CONFIG: config}, results_xml=str(directory / "results.xml"))
+    count, failed = get_results(results)
+    if failed or not count:
+        raise RuntimeError(f"{module} on {simulator}: {failed} of {count} tests failed, see {directory / 'test.log'}")
+    return count
+
+
+def _copy_objects(source, target):
+    """Keep the objects of Verilator's runtime, the same for every module, for the next build."""
+    target.mkdir(parents=True, exist_ok=True)
+    for path in source.glob("verilated*.o"):
+        if not (target / path.name).exists():
+            # Copied beside and renamed: benches may run side by side.
+            partial = target / f"{path.name}.{os.getpid()}"
+            shutil.copyfile(path, partial)
+            partial.replace(target / path.name)
+
+
+@contextmanager
+def _environment(changes):
+    """The process environment with some variables changed for a while."""
+    before = dict(os.environ)
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)

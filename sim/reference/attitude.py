@@ -1,0 +1,376 @@
+"""Attitude filter of the thesis in float64: complementary filter on a quaternion.
+
+Written from the equations of the thesis (eqs. 2.26 to 2.47), misprints corrected, in the form a
+textbook gives them: matrix products, cross products, Hamilton product. Nothing here knows how the
+hardware orders its operations, so a mistyped equation on either side shows as a difference.
+
+``c_n2b`` is the direction cosine matrix C_n^b, navigation to body: its rows are the body axes in
+the navigation frame. The navigation frame is NWU: x magnetic north, y west, z up. See
+``docs/notation.md``.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = [
+    "Attitude", "ComplementaryFilter", "acc_error", "alignment", "axis_matrix", "euler_angles",
+    "gyro_correction", "mag_error", "matrix_from_quaternion", "quaternion_step",
+]
+
+# Row k is the matrix of the cross product with axis k, row by row: u @ _SKEW is that of u.
+_SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0],
+                  [0, 0, 1, 0, 0, 0, -1, 0, 0],
+                  [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
+
+
+class Attitude(NamedTuple):
+    """Orientation of the body, one or many.
+
+    Fields
+    ------
+    c_n2b : ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation (NWU) to body.
+    pitch, roll, yaw : ndarray, shape (...)
+        Angles of the sequence Z-Y-X, degrees; pitch in [-90, 90], roll in [-180, 180],
+        yaw in [0, 360).
+    """
+
+    c_n2b: np.ndarray
+    pitch: np.ndarray
+    roll: np.ndarray
+    yaw: np.ndarray
+
+
+def acc_error(a_b, c_n2b):
+    """Error vector of the accelerometer, e = a/|a| x C_n^b (0, 0, 1).
+
+    Parameters
+    ----------
+    a_b : ndarray, shape (..., 3)
+        Specific force resolved in body axes, any unit; a zero vector gives no error.
+    c_n2b : ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation to body.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Sine of the angle from measured to estimated vertical, about the body axes.
+
+    References
+    ----------
+    Thesis, eqs. 2.26 and 2.30.
+    """
+    return _cross(_normalise(a_b), np.asarray(c_n2b, dtype=float)[..., 2])
+
+
+def mag_error(m_b, c_n2b):
+    """Error vector of the magnetometer, e = m/|m| x C_n^b b.
+
+    The reference field b has the horizontal and vertical size of the measured one, and no
+    component to the west.
+
+    Parameters
+    ----------
+    m_b : ndarray, shape (..., 3)
+        Magnetic field resolved in body axes, any unit; a zero vector gives no error.
+    c_n2b : ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation to body.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Sine of the angle from measured to estimated field, about the body axes.
+
+    References
+    ----------
+    Thesis, eqs. 2.27 to 2.30; eq. 2.27 prints C_n^b where its transpose is meant.
+    """
+    m_b, c_n2b = _normalise(m_b), np.asarray(c_n2b, dtype=float)
+    h_n = _apply(np.swapaxes(c_n2b, -1, -2), m_b)
+    b_n = np.zeros_like(h_n)
+    b_n[..., 0] = np.hypot(h_n[..., 0], h_n[..., 1])
+    b_n[..., 2] = h_n[..., 2]
+    return _cross(m_b, _apply(c_n2b, b_n))
+
+
+def gyro_correction(g_deg_s, e_a, e_m, integral, *, kp, ki, period_s):
+    """Angular rate corrected by the error vectors through a proportional and an integral gain.
+
+    Parameters
+    ----------
+    g_deg_s : ndarray, shape (..., 3)
+        Angular rate of the body resolved in body axes, degrees per second.
+    e_a, e_m : ndarray, shape (..., 3)
+        Error vectors of accelerometer and magnetometer.
+    integral : ndarray, shape (..., 3)
+        Integral of the error so far, times ``ki``, rad/s.
+    kp, ki : float
+        Gains, rad/s per unit error and rad/s^2 per unit error.
+    period_s : float
+        Sample period, seconds.
+
+    Returns
+    -------
+    omega_b, integral : ndarray, shape (..., 3)
+        Corrected angular rate and new integral, rad/s.
+
+    References
+    ----------
+    Thesis, eq. 2.31.
+    """
+    e = np.add(e_a, e_m)
+    integral = integral + ki * period_s * e
+    return np.deg2rad(g_deg_s) + kp * e + integral, integral
+
+
+def quaternion_step(q_b2n, omega_b, period_s):
+    """One step of dq/dt = q (0, omega) / 2, first order, normalised.
+
+    Parameters
+    ----------
+    q_b2n : ndarray, shape (..., 4)
+        Quaternion, scalar first, body to navigation.
+    omega_b : ndarray, shape (..., 3)
+        Angular rate of the body relative to the navigation frame, resolved in body axes, rad/s.
+    period_s : float
+        Sample period, seconds.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        Unit quaternion at the end of the period.
+
+    References
+    ----------
+    Thesis, eqs. 2.40 to 2.46; eq. 2.42 prints -q3 gx in its third row where + is meant.
+    """
+    q_b2n, omega_b = np.asarray(q_b2n, dtype=float), np.asarray(omega_b, dtype=float)
+    scalar, vector = q_b2n[..., :1], q_b2n[..., 1:]
+    slope = np.concatenate([-np.vecdot(vector, omega_b)[..., None],
+                            scalar * omega_b + _cross(vector, omega_b)], axis=-1)
+    return _normalise(q_b2n + period_s / 2 * slope)
+
+
+def matrix_from_quaternion(q_b2n):
+    """Direction cosine matrix C_n^b = 1 - 2 q0 [u x] + 2 [u x]^2 with u = (q1, q2, q3).
+
+    Parameters
+    ----------
+    q_b2n : ndarray, shape (..., 4)
+        Quaternion, scalar first, body to navigation.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation to body; orthogonal for a unit quaternion.
+
+    References
+    ----------
+    Thesis, eq. 2.34, which prints q1 q2 in c23 where q0 q1 is meant.
+    """
+    q_b2n = np.asarray(q_b2n, dtype=float)
+    skew = _skew(q_b2n[..., 1:])
+    return np.eye(3) + 2 * (skew @ skew - q_b2n[..., 0, None, None] * skew)
+
+
+def euler_angles(c_n2b):
+    """Angles of the sequence Z-Y-X that turns the navigation axes into the body axes.
+
+    Parameters
+    ----------
+    c_n2b : ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation to body.
+
+    Returns
+    -------
+    pitch, roll, yaw : ndarray, shape (...)
+        Degrees; pitch in [-90, 90], roll in [-180, 180], yaw in [0, 360). Pitch and yaw are
+        right-handed turns about west and up: nose down and nose to the west are positive.
+
+    References
+    ----------
+    Thesis, section 5.2.6 and table 5-6, whose figures are those of the four-quadrant arctangent.
+    """
+    c_n2b = np.asarray(c_n2b, dtype=float)
+    c11, c12, c13 = np.moveaxis(c_n2b[..., 0, :], -1, 0)
+    c23, c33 = c_n2b[..., 1, 2], c_n2b[..., 2, 2]
+    pitch = np.degrees(np.arctan2(-c13, np.sqrt(np.maximum(1 - c13 * c13, 0))))
+    roll = np.degrees(np.arctan2(c23, c33))
+    # The remainder of a tiny negative angle rounds to 360 itself; a second one takes it to zero.
+    yaw = np.mod(np.mod(np.degrees(np.arctan2(c12, c11)), 360), 360)
+    return pitch, roll, yaw
+
+
+def alignment(a_b, m_b):
+    """Orientation in which neither sensor has an error: for bodies at rest.
+
+    Parameters
+    ----------
+    a_b : ndarray, shape (..., 3)
+        Specific force resolved in body axes, any unit: its direction is up.
+    m_b : ndarray, shape (..., 3)
+        Magnetic field resolved in body axes, any unit, not parallel to ``a_b``: its horizontal
+        part is magnetic north.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation to body; its columns are north, west and up.
+    """
+    up = _normalise(a_b)
+    west = _normalise(_cross(up, np.asarray(m_b, dtype=float)))
+    return np.stack([_cross(west, up), west, up], axis=-1)
+
+
+def axis_matrix(axes):
+    """Matrix that takes sensor axes to body axes.
+
+    Parameters
+    ----------
+    axes : sequence of str
+        Sensor axis, with sign, along each body axis: ("+y", "-x", "+z") makes body x the sensor's
+        +y, body y its -x and body z its +z.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Signed permutation P with m_b = P m_sensor.
+
+    Raises
+    ------
+    ValueError
+        If ``axes`` does not name x, y and z once each, with a sign.
+    """
+    axes = tuple(axes)
+    names = [str(axis)[1:] for axis in axes]
+    if sorted(names) != ["x", "y", "z"] or any(str(axis)[0] not in "+-" for axis in axes):
+        raise ValueError(f"Axes must name x, y and z once each with a sign, not {axes!r}")
+    matrix = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        matrix[row, "xyz".index(axis[1])] = -1.0 if axis[0] == "-" else 1.0
+    return matrix
+
+
+class ComplementaryFilter:
+    """The thesis's attitude filter: state, one update, whole recordings.
+
+    Parameters
+    ----------
+    kp : float
+        Proportional gain, rad/s per unit error. The thesis has 10.
+    ki : float
+        Integral gain, rad/s^2 per unit error. The thesis has 0.5.
+    period_s : float
+        Sample period, seconds. The thesis has 0.002.
+    mag_axes : sequence of str
+        Magnetometer axis along each body axis, see `axis_matrix`. The thesis has
+        ("+y", "-x", "+z").
+
+    Attributes
+    ----------
+    q_b2n : ndarray, shape (4,)
+        Quaternion, scalar first, body to navigation.
+    c_n2b : ndarray, shape (3, 3)
+        Direction cosine matrix, navigation to body.
+    integral : ndarray, shape (3,)
+        Integral correction, rad/s.
+
+    Raises
+    ------
+    ValueError
+        If the period is not positive or ``mag_axes`` does not name three axes.
+
+    Notes
+    -----
+    An update that meets a number that is not finite, in a sample or on the way to the result, is
+    refused: state and outputs stay.
+    """
+
+    def __init__(self, *, kp, ki, period_s, mag_axes=("+x", "+y", "+z")):
+        if not period_s > 0:
+            raise ValueError(f"Sample period must be positive, not {period_s!r}")
+        self._gains = {"kp": kp, "ki": ki, "period_s": period_s}
+        self._mag_axes = axis_matrix(mag_axes)
+        self.reset()
+
+    def reset(self, q_b2n=(1.0, 0.0, 0.0, 0.0)):
+        """Start anew from a unit quaternion, body to navigation, without integral correction."""
+        self.q_b2n, self.integral = np.array(q_b2n, dtype=float), np.zeros(3)
+        self.c_n2b = matrix_from_quaternion(self.q_b2n)
+
+    def update(self, a, m, g_deg_s):
+        """One sample period.
+
+        Parameters
+        ----------
+        a : ndarray, shape (3,)
+            Specific force in body axes, any unit; zero where there is none.
+        m : ndarray, shape (3,)
+            Magnetic field in magnetometer axes, any unit; zero where there is none.
+        g_deg_s : ndarray, shape (3,)
+            Angular rate in body axes, degrees per second.
+
+        Returns
+        -------
+        Attitude
+            Orientation after the update.
+        """
+        with np.errstate(over="raise", invalid="raise"):
+            self._step(*(np.asarray(vector, dtype=float) for vector in (a, m, g_deg_s)))
+        return Attitude(self.c_n2b, *euler_angles(self.c_n2b))
+
+    def run(self, accel, mag, gyro_deg_s):
+        """Update by update through a recording, from the present state.
+
+        Parameters
+        ----------
+        accel : ndarray, shape (N, 3)
+            Specific force in body axes, any unit.
+        mag : ndarray, shape (N, 3), or None
+            Magnetic field in magnetometer axes, any unit; None without magnetometer.
+        gyro_deg_s : ndarray, shape (N, 3)
+            Angular rate in body axes, degrees per second.
+
+        Returns
+        -------
+        Attitude
+            Orientation after each update: c_n2b of shape (N, 3, 3), angles of shape (N,).
+        """
+        accel, gyro_deg_s = np.asarray(accel, dtype=float), np.asarray(gyro_deg_s, dtype=float)
+        mag = np.zeros_like(accel) if mag is None else np.asarray(mag, dtype=float)
+        c_n2b = np.empty((len(accel), 3, 3))
+        with np.errstate(over="raise", invalid="raise"):
+            for k, sample in enumerate(zip(accel, mag, gyro_deg_s, strict=True)):
+                self._step(*sample)
+                c_n2b[k] = self.c_n2b
+        return Attitude(c_n2b, *euler_angles(c_n2b))
+
+    def _step(self, a, m, g_deg_s):
+        try:
+            e_a = acc_error(a, self.c_n2b)
+            e_m = mag_error(self._mag_axes @ m, self.c_n2b)
+            omega_b, integral = gyro_correction(g_deg_s, e_a, e_m, self.integral, **self._gains)
+            q_b2n = quaternion_step(self.q_b2n, omega_b, self._gains["period_s"])
+        except FloatingPointError:
+            return
+        if np.isfinite(q_b2n).all():
+            self.q_b2n, self.c_n2b, self.integral = q_b2n, matrix_from_quaternion(q_b2n), integral
+
+
+def _apply(matrix, vector):
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def _skew(u):
+    return (u @ _SKEW).reshape(*u.shape[:-1], 3, 3)
+
+
+def _cross(u, v):
+    return _apply(_skew(u), v)
+
+
+def _normalise(vector):
+    vector = np.asarray(vector, dtype=float)
+    length = np.sqrt(np.vecdot(vector, vector))
+    return vector / (length + (length == 0))[..., None]

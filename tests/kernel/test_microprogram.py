@@ -1,0 +1,83 @@
+"""The words of the ROM, run by an interpreter that knows nothing but the engine's documentation."""
+
+import numpy as np
+import pytest
+
+from strapdown.config import THESIS
+from strapdown.cores import ATTITUDE_CORES
+from strapdown.kernel.microprogram import Microprogram
+from strapdown.kernel.schedule import schedule
+
+POOL = THESIS.pool
+FORMAT = POOL.format
+
+
+def interpret(program, inputs, memory, bank, fresh):
+    """Run the words of a program on a memory of encodings, in place; inputs are numbers."""
+    units = {unit.name: unit for unit in program.units}
+    pending = {}
+    for cycle, word in enumerate(program.words):
+        def physical(address):
+            return address ^ (bank if address < program.state_words else 0)
+
+        def read(address, negate):
+            value = FORMAT.from_bits(memory[physical(address)])
+            return -value if negate else value
+
+        for name in word.get("start", {}):
+            unit, port = units[name], word[f"port{units[name].read_port}"]
+            a, b = read(port["a"], port["negate_a"]), read(port["b"], port["negate_b"])
+            if name == "selector":
+                condition = word.get("condition")
+                chosen = condition is None or np.signbit(read(condition["address"], condition["negate"]))
+                result = a if chosen else b
+            else:
+                mode = next(iter(word.get("mode", {})), None)
+                operation = next(operation for operation in unit.operations if unit.modes.get(operation) == mode)
+                operands = (a,) if operation == "sqrt" else (a, b)
+                result = unit.operations[operation](*operands)
+            pending[name, cycle + unit.latency] = result
+        if "input" in word:
+            pending["input", cycle] = FORMAT.array(inputs[word["input"]])
+        elif ("write" in word and program.sources[word["write"]["source"]] == "input"):
+            pending["input", cycle] = FORMAT.array(inputs[0])
+        if write := word.get("write"):
+            value = pending.pop((program.sources[write["source"]], cycle))
+            if fresh or not write["restore"]:
+                memory[physical(write["address"])] = int(FORMAT.to_bits(value))
+    assert not pending, "a result was never written"
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_words_compute_what_the_twin_computes(name):
+    system = ATTITUDE_CORES[name](THESIS)
+    program = Microprogram(schedule(system.trace(FORMAT), POOL))
+    rng = np.random.default_rng(7)
+    memory, bank, fresh = list(program.initial), 0, True
+    state = {word: FORMAT.array(value) for word, value in system.reset.items()}
+    for _ in range(5):
+        values = rng.standard_normal(len(system.input_ports)) * 10
+        interpret(program, values, memory, bank, fresh)
+        bank, fresh = 1 - bank, False
+        twin = system.update_twin(POOL, dict(zip(system.input_ports, values, strict=True)), state)
+        state = {word: twin[word] for word in state}
+        for port, node in program.schedule.graph.outputs.items():
+            address = program.addresses[node]
+            if address < program.state_words:
+                address ^= 1 - bank
+            assert memory[address] == int(FORMAT.to_bits(twin[port])), port
+        for index, word in enumerate(state):
+            assert memory[2 * index + bank] == int(FORMAT.to_bits(state[word])), word
+
+
+def test_state_words_come_in_pairs_before_everything_else():
+    program = Microprogram(schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(FORMAT), POOL))
+    assert program.state_words == 32
+    assert min(program.constants.values()) == 32
+    assert program.used <= program.depth == 64
+
+
+def test_memory_begins_with_the_constants():
+    program = Microprogram(schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(FORMAT), POOL))
+    numbers = {float(FORMAT.from_bits(word)) for word in program.initial}
+    assert {1.0, 360.0, 10.0, float(np.float32(0.001))} <= numbers

@@ -1,0 +1,92 @@
+from dataclasses import replace
+
+import pytest
+
+from strapdown.config import THESIS
+from strapdown.cores import ATTITUDE_CORES
+from strapdown.fp import BINARY32
+from strapdown.kernel.pool import Pool
+from strapdown.kernel.schedule import schedule
+from strapdown.kernel.trace import Tracer
+
+POOL = Pool()
+
+
+def small_graph():
+    """(x·y + x, x·x) from two inputs."""
+    xp = Tracer(BINARY32, ("ONLY",))
+    x, y = xp.source("input", "x"), xp.source("input", "y")
+    outputs = {"a": xp.settled(x * y + x), "b": xp.settled(x * x)}
+    return xp.graph(inputs=("x", "y"), outputs=outputs)
+
+
+def moved(result, index, by):
+    """A schedule with one step moved in time."""
+    steps = list(result.steps)
+    step = steps[index]
+    steps[index] = replace(step, issue=step.issue + by, write=step.write + by)
+    return replace(result, steps=tuple(sorted(steps, key=lambda step: step.issue)))
+
+
+def index_of(result, operation, which=0):
+    return [index for index, step in enumerate(result.steps) if step.node.operation == operation][which]
+
+
+def test_chain_takes_the_sum_of_its_latencies():
+    result = schedule(small_graph(), POOL)
+    # Both inputs in two cycles, the product, the sum: each result can be read the cycle after.
+    assert result.length == 2 + (POOL.multiplier_latency + 1) + (POOL.adder_latency + 1)
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
+@pytest.mark.parametrize("pool", [POOL, Pool(adder_latency=6, multiplier_latency=1, divider_bits_per_cycle=1,
+                                             arctangent_steps_per_cycle=1)], ids=["default", "other"])
+def test_every_core_has_a_valid_schedule(name, pool):
+    result = schedule(ATTITUDE_CORES[name](THESIS).trace(pool.format), pool)
+    result.verify()
+    ends = result.section_ends
+    assert list(ends) == sorted(set(ends))
+    assert ends[-1] == result.length - 1
+
+
+def test_schedule_is_the_same_every_time():
+    first, second = (schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL.format), POOL) for _ in range(2))
+    assert [(step.unit, step.issue) for step in first.steps] == [(step.unit, step.issue) for step in second.steps]
+
+
+def test_verify_finds_two_results_in_one_cycle():
+    result = schedule(small_graph(), POOL)
+    first, second = index_of(result, "input", 0), index_of(result, "input", 1)
+    with pytest.raises(AssertionError, match="result bus"):
+        moved(result, second, result.steps[first].issue - result.steps[second].issue).verify()
+
+
+def test_verify_finds_a_read_before_the_write():
+    result = schedule(small_graph(), POOL)
+    with pytest.raises(AssertionError, match="too early"):
+        moved(result, index_of(result, "add"), -1).verify()
+
+
+def test_verify_finds_two_reads_of_one_port():
+    xp = Tracer(BINARY32, ("ONLY",))
+    x, y = xp.source("input", "x"), xp.source("input", "y")
+    graph = xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(x * y), "b": xp.settled(xp.sqrt(y))})
+    result = schedule(graph, POOL)
+    root, product = index_of(result, "sqrt"), index_of(result, "multiply")
+    with pytest.raises(AssertionError, match="read port"):
+        moved(result, product, result.steps[root].issue - result.steps[product].issue).verify()
+
+
+def test_verify_finds_a_busy_unit():
+    xp = Tracer(BINARY32, ("ONLY",))
+    x, y = xp.source("input", "x"), xp.source("input", "y")
+    graph = xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(xp.sqrt(x)), "b": xp.settled(xp.sqrt(y))})
+    result = schedule(graph, POOL)
+    with pytest.raises(AssertionError, match="busy"):
+        moved(result, index_of(result, "sqrt", 1), -1).verify()
+
+
+def test_verify_finds_a_missing_node():
+    result = schedule(small_graph(), POOL)
+    with pytest.raises(AssertionError, match="missing"):
+        replace(result, steps=result.steps[:-1]).verify()

@@ -1,0 +1,36 @@
+"""Whole recordings through the circuit."""
+
+import pytest
+from strapdown_sim.recordings import read_recording
+from strapdown_sim.replay import replay
+
+from strapdown.config import MAHONY
+
+# float32 is good to 2**-24; Kp = 0.5 forgets an error in two seconds, some 600 updates of ten
+# roundings each. If all of them went one way it would be 600·10·2**-24 rad = 0.02 degrees; they
+# do not, and the requirement is half of that.
+LARGEST_DEG = 0.01
+
+
+def check(recording, folder, models):
+    result = replay(recording, MAHONY, folder, build=models, command="")
+    summary = result.summary
+    assert summary["samples"] == len(recording.time_s) == len(result.quaternion)
+    assert summary["bits_differing_from_twin"] == 0
+    assert summary["refused_updates"] == 0
+    assert summary["against_float64_reference_deg"]["max"] <= LARGEST_DEG
+    return summary
+
+
+@pytest.mark.verilator
+def test_x_imu_recording(x_imu_recording, tmp_path, models):
+    summary = check(read_recording(x_imu_recording), tmp_path, models)
+    assert summary["samples"] == 12_626
+    assert summary["sample_rate_hz"] == 256
+
+
+@pytest.mark.verilator
+def test_80_seconds_at_286_hz(shared_recordings, tmp_path, models):
+    summary = check(read_recording(shared_recordings / "broad_02_undisturbed_slow_rotation_B.npz"), tmp_path, models)
+    assert summary["samples"] == 22_857
+    assert summary["against_recorded_reference_deg"]["samples"] > 10_000

@@ -1,0 +1,104 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from strapdown import __version__
+from strapdown.cli import main
+from strapdown.config import CONFIGS
+from strapdown.cores import ATTITUDE_CORES
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def test_runs_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "strapdown", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"strapdown, version {__version__}\n"
+
+
+@pytest.mark.parametrize("command", ["", "list", "generate", "replay", "explain"])
+def test_help(command):
+    result = run(*filter(None, [command, "--help"]))
+    assert result.exit_code == 0
+    assert result.output.startswith("Usage:")
+
+
+def test_list_names_all_configurations_and_modules():
+    output = run("list").output
+    assert all(name in output for name in (*CONFIGS, *ATTITUDE_CORES))
+
+
+def test_generate_writes_verilog_and_json(tmp_path):
+    result = run("generate", "--config", "mahony", "--set", "kp=2", "--module", "INS_gyro", "--output", tmp_path)
+    assert result.exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["INS_gyro.json", "INS_gyro.v"]
+    description = json.loads((tmp_path / "INS_gyro.json").read_text())
+    assert description["configuration"]["kp"] == 2
+    assert description["command_line"] == "strapdown generate --config mahony --set kp=2 --module INS_gyro"
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["generate", "--set", "kp=-1"], "strapdown: configuration thesis: kp must be greater than or equal to 0, not '-1'"),
+    (["generate", "--set", "kp"], "strapdown: --set takes FIELD=VALUE, as in --set kp=1, not 'kp'"),
+    (["generate", "--set", "name=x"], "strapdown: the fields name and pool cannot be changed by --set"),
+    (["explain", "INS_acc", "--cycle", "9999"], "strapdown: INS_acc has cycles 0 to "),
+    (["explain", "INS_acc", "--line", "attitude"], "strapdown: --line takes FILE:LINE, as in --line attitude.py:47, "
+                                                   "not 'attitude'"),
+    (["explain", "INS_acc", "--line", "attitude.py:1"], "strapdown: no operation of INS_acc comes from attitude.py:1"),
+])
+def test_user_errors_are_one_line_and_status_2(arguments, message):
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert result.stderr.startswith(message)
+    assert result.stderr.count("\n") == 1
+
+
+def test_output_that_cannot_be_written_is_a_user_error(tmp_path):
+    (tmp_path / "file").touch()
+    result = run("generate", "--module", "INS_atan", "--output", tmp_path / "file" / "folder")
+    assert result.exit_code == 2
+    assert "cannot write to" in result.stderr
+
+
+def test_unusable_recording_is_a_user_error(tmp_path):
+    recording = tmp_path / "flight.csv"
+    recording.write_text("Time (s),Colour\n0,1\n")
+    result = run("replay", recording, "--output", tmp_path)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("strapdown: ")
+    assert "flight.csv" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_explain_shows_the_program():
+    assert "arctangent: atan2" in run("explain", "INS_atan").output
+    assert "writes input" in run("explain", "INS_matx", "--cycle", "0").output
+
+
+@pytest.mark.verilator
+def test_replay_of_a_csv_file(tmp_path, models):
+    """Two seconds turned at 30 deg/s about the vertical: the yaw tells, and all files are there."""
+    rows = ["Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
+            "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"]
+    rows += [f"{k / 100:.2f},0,0,30,0,0,1" for k in range(200)]
+    recording = tmp_path / "turn.csv"
+    recording.write_text("\n".join(rows) + "\n")
+    result = run("replay", recording, "--config", "mahony", "--output", tmp_path / "out", "--build", models)
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "INS_top.v", "INS_top.json", "attitude.csv", "summary.json", "attitude.png"}
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["samples"] == 200
+    assert summary["sample_rate_hz"] == pytest.approx(100)
+    assert summary["bits_differing_from_twin"] == 0
+    table = np.genfromtxt(tmp_path / "out" / "attitude.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("t", "q0", "q1", "q2", "q3", "pitch", "roll", "yaw")
+    # First-order steps turn by twice the arctangent of half the angle; 200 of them round in the seventh digit.
+    assert table["yaw"][-1] == pytest.approx(200 * 2 * np.degrees(np.arctan(np.radians(0.15))), abs=2e-5)
+    assert table["q3"][-1] == pytest.approx(np.sin(np.radians(30)), abs=1e-6)
+    assert "bits that differ from the twin" in result.output
