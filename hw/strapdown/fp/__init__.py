@@ -1,4 +1,9 @@
 """Floating-point operators: unpack, compute, round, pack. Imports nothing of the package above it."""
 
 from .add import *
+from .compare import *
+from .convert import *
+from .divide_square_root import *
 from .format import *
+from .multiply import *
+from .select import *

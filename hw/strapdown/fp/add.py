@@ -33,8 +33,8 @@ class FpAdd(PipelinedOperator):
     Source: IEEE 754-2019, 5.4.1, operations *addition* and *subtraction*.
     """
 
-    CUTS = ("swap", "align", "sum", "normalise", "round", "result")
-    CUT_PRIORITY = ("result", "align", "sum", "normalise", "swap", "round")
+    CUTS = ("swap", "align", "sum", "normalise", "exponent", "result")
+    CUT_PRIORITY = ("result", "align", "sum", "exponent", "swap", "normalise")
     DEFAULT_LATENCY = 4
 
     def __init__(self, format, *, latency=None):
@@ -80,63 +80,50 @@ class FpAdd(PipelinedOperator):
         # by two or more, the difference loses at most one leading bit.
         extended = Signal(fmt.precision + 3)
         m.d.comb += extended.eq(Cat(C(0, 3), s.smaller))
-        amount_width = (fmt.precision + 3).bit_length()
-        if amount_width < fmt.exponent_width:
-            far = s.distance[amount_width:].any()
-            aligned = shift_right_sticky(m, extended, s.distance[:amount_width], "align")
-            aligned = Mux(far, extended.any(), aligned)
-        else:
-            aligned = shift_right_sticky(m, extended, s.distance, "align")
+        aligned = shift_right_sticky(m, extended, s.distance, "align")
         s = rank(
             "align",
             sign=s.sign, opposite=s.opposite, is_nan=s.is_nan, is_infinite=s.is_infinite,
             both_negative=s.both_negative, exponent=s.exponent, larger=s.larger, smaller=aligned)
 
         # Add or subtract magnitudes; the larger one comes first, so the result is not negative.
+        # A subtraction is the addition of the inverse and of one, put where ``larger`` has no bits.
         total = Signal(fmt.precision + 4)
-        minuend = Cat(C(0, 3), s.larger)
-        m.d.comb += total.eq(Mux(s.opposite, minuend - s.smaller, minuend + s.smaller))
+        addend = Cat(s.smaller, C(0, 1)) ^ s.opposite.replicate(len(total))
+        m.d.comb += total.eq(Cat(s.opposite, C(0, 2), s.larger) + addend)
         s = rank(
             "sum",
-            sign=s.sign, opposite=s.opposite, is_nan=s.is_nan, is_infinite=s.is_infinite,
-            both_negative=s.both_negative, exponent=s.exponent, total=total)
+            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, both_negative=s.both_negative,
+            exponent=s.exponent, total=total)
 
-        # Normalise. The top bit of ``total`` weighs 2**(exponent + 1).
-        is_zero = s.total == 0
-        normalised, zeros = normalise(m, s.total, "normalise")
-        exponent = Signal(signed(fmt.exponent_width + 2))
-        m.d.comb += exponent.eq(s.exponent + 1 - zeros)
-        tiny = exponent < 1
-        if fmt.gradual:
-            # A subnormal keeps the weight of exponent 1: shift by no more than s.exponent.
-            limited = Signal(fmt.precision + 4)
-            m.d.comb += limited.eq((s.total << s.exponent[:len(zeros)])[:len(limited)])
-            significand = Mux(tiny, limited, normalised)
-        else:
-            significand = normalised
-        # An exact zero has the sign of equal operands' signs, else +: round to nearest.
-        sign = Mux(is_zero, s.both_negative, s.sign)
+        # Normalise. The top bit of ``total`` weighs 2**(exponent + 1), that of a subnormal 2**1:
+        # no total moves by more than ``exponent``.
+        significand, zeros = normalise(m, s.total, "normalise", limit=s.exponent if fmt.gradual else None)
         s = rank(
             "normalise",
-            sign=sign, is_nan=s.is_nan, is_zero=is_zero | (tiny & (not fmt.gradual)),
-            is_infinite=s.is_infinite | (exponent == fmt.exponent_special),
-            exponent=Mux(tiny, 0, exponent[:fmt.exponent_width]), significand=significand)
+            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, both_negative=s.both_negative,
+            exponent=s.exponent, zeros=zeros, significand=significand)
+
+        # Exponent, and special results, which the rounding then leaves as they are.
+        exponent = Signal(signed(fmt.exponent_width + 2))
+        m.d.comb += exponent.eq(s.exponent + 1 - s.zeros)
+        is_zero = ~(s.significand.any() if fmt.gradual else s.significand[-1])
+        is_tiny = ~s.significand[-1] if fmt.gradual else is_zero | (exponent < 1)
+        is_special = s.is_nan | s.is_infinite | (exponent == fmt.exponent_special)
+        stored, significand = Signal(fmt.exponent_width), Signal(fmt.precision + 4)
+        with m.If(is_special):
+            m.d.comb += [stored.eq(fmt.exponent_special), significand[-2].eq(s.is_nan)]
+        with m.Elif(is_tiny):
+            m.d.comb += significand.eq(s.significand if fmt.gradual else 0)
+        with m.Else():
+            m.d.comb += [stored.eq(exponent), significand.eq(s.significand)]
+        # An exact zero has the sign of equal operands' signs, else +: round to nearest.
+        sign = Mux(is_zero, s.both_negative, s.sign) & ~s.is_nan
+        s = rank("exponent", sign=sign, exponent=stored, significand=significand)
 
         # Round: significand, guard bit, and three bits that only count as sticky.
         encoded = round_nearest_even(
             fmt, s.exponent, s.significand[4:], s.significand[3], s.significand[:3].any())
-        s = rank("round", sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
-                 encoded=encoded)
-
-        result = Signal(fmt.layout)
-        with m.If(s.is_nan):
-            m.d.comb += result.eq(fmt.nan)
-        with m.Elif(s.is_infinite):
-            m.d.comb += result.eq(Cat(C(fmt.infinity, fmt.width - 1), s.sign))
-        with m.Elif(s.is_zero):
-            m.d.comb += result.eq(Cat(C(0, fmt.width - 1), s.sign))
-        with m.Else():
-            m.d.comb += result.eq(Cat(s.encoded, s.sign))
-        s = rank("result", result=result)
+        s = rank("result", result=Cat(encoded, s.sign))
         m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
         return m

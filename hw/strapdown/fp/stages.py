@@ -1,18 +1,18 @@
-"""Stages shared by the operators: unpacking, shifting with a sticky bit, counting zeros, rounding."""
+"""Stages shared by the operators: unpacking, shifting with a sticky bit, normalising, rounding, packing."""
 
 from types import SimpleNamespace
 
 from amaranth import *
 
-__all__ = ["unpack", "shift_right_sticky", "normalise", "round_nearest_even"]
+__all__ = ["unpack", "shift_right_sticky", "normalise", "round_nearest_even", "pack", "round_and_pack"]
 
 
 def unpack(m, fmt, operand, name):
     """Class flags, effective exponent and significand of an encoded number.
 
-    ``exponent`` is the biased exponent, 1 for subnormals, so that ``significand`` (fmt.precision
-    bits, hidden bit on top) always weighs 2**(exponent - bias - fraction_width).
-    With flushed subnormals a subnormal is a zero.
+    ``exponent`` is the biased exponent, 1 for gradual subnormals, so that ``significand``
+    (fmt.precision bits, hidden bit on top) always weighs 2**(exponent - bias - fraction_width).
+    With flushed subnormals a subnormal is a zero: its exponent has no meaning.
     """
     tiny = operand.exponent == 0
     special = operand.exponent == fmt.exponent_special
@@ -26,7 +26,7 @@ def unpack(m, fmt, operand, name):
         is_nan=Signal(name=f"{name}_is_nan"),
     )
     m.d.comb += [
-        number.exponent.eq(operand.exponent | tiny),
+        number.exponent.eq(operand.exponent | (tiny & fmt.gradual)),
         number.significand.eq(Cat(operand.fraction, ~tiny)),
         number.is_zero.eq(tiny & empty if fmt.gradual else tiny),
         number.is_infinite.eq(special & empty),
@@ -40,35 +40,36 @@ def unpack(m, fmt, operand, name):
 
 def shift_right_sticky(m, value, amount, name):
     """``value`` shifted right by ``amount``; every bit shifted out is or-ed into the lowest bit."""
-    for level in range(len(amount)):
+    levels = len(value).bit_length()
+    far = amount[levels:].any() if len(amount) > levels else C(0)
+    for level in range(min(levels, len(amount))):
         distance = 1 << level
         shifted = Signal(len(value), name=f"{name}_by_{distance}")
         lost = value[:distance + 1].any() if distance < len(value) else value.any()
         kept = value[distance + 1:] if distance < len(value) else C(0, 0)
-        m.d.comb += shifted.eq(Mux(amount[level], Cat(lost, kept), value))
+        m.d.comb += shifted.eq(Mux(amount[level] | far, Cat(lost, kept), value))
         value = shifted
     return value
 
 
-def normalise(m, value, name):
-    """``value`` shifted left until its top bit is one, and the count of leading zeros.
+def normalise(m, value, name, *, limit=None):
+    """``value`` shifted left until its top bit is one, but by no more than ``limit``, if given.
 
-    Returns (shifted value, count). The count is meaningless for a value of zero.
+    Returns (shifted value, distance). The distance is meaningless for a value of zero.
     """
-    count = []
+    distance: list[Signal] = []
     for level in reversed(range((len(value) - 1).bit_length())):
-        distance = 1 << level
-        if distance >= len(value):
-            continue
-        shifted = Signal(len(value), name=f"{name}_by_{distance}")
-        empty = Signal(name=f"{name}_empty_{distance}")
-        m.d.comb += [
-            empty.eq(~value[-distance:].any()),
-            shifted.eq(Mux(empty, Cat(C(0, distance), value[:-distance]), value)),
-        ]
-        count.insert(0, empty)
+        step = 1 << level
+        shifted = Signal(len(value), name=f"{name}_by_{step}")
+        moves = Signal(name=f"{name}_moves_{step}")
+        allowed = C(1) if limit is None else limit[level:].any()
+        m.d.comb += moves.eq(allowed & ~value[-step:].any())
+        if limit is not None:
+            limit = Cat(limit[:level], (limit[level:] - moves)[:len(limit[level:])])
+        m.d.comb += shifted.eq(Mux(moves, Cat(C(0, step), value[:-step]), value))
+        distance.insert(0, moves)
         value = shifted
-    return value, Cat(*count)
+    return value, Cat(*distance)
 
 
 def round_nearest_even(fmt, exponent, significand, guard, sticky):
@@ -80,3 +81,38 @@ def round_nearest_even(fmt, exponent, significand, guard, sticky):
     """
     up = guard & (sticky | significand[0])
     return (Cat(significand[:-1], exponent) + up)[:fmt.width - 1]
+
+
+def pack(m, fmt, sign, encoded, *, is_nan, is_infinite, is_zero):
+    """The number to put out: NaN, infinity or zero if flagged, in this order, else ``encoded``."""
+    packed = Signal(fmt.layout)
+    with m.If(is_nan):
+        m.d.comb += packed.eq(fmt.nan)
+    with m.Elif(is_infinite):
+        m.d.comb += packed.eq(Cat(C(fmt.infinity, fmt.width - 1), sign))
+    with m.Elif(is_zero):
+        m.d.comb += packed.eq(Cat(C(0, fmt.width - 1), sign))
+    with m.Else():
+        m.d.comb += packed.eq(Cat(encoded, sign))
+    return packed
+
+
+def round_and_pack(m, fmt, number):
+    """The number to put out for a normalised one of unbounded exponent.
+
+    ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``, and, where
+    none of these three holds, ``exponent`` (biased; signed if it may be less than 1) and
+    ``extended``: sticky bit, guard bit and significand, from the low end, whose top bit is one.
+    """
+    tiny = number.exponent < 1 if number.exponent.shape().signed else C(0)
+    exponent, extended = Signal(fmt.exponent_width, name="stored_exponent"), number.extended
+    m.d.comb += exponent.eq(number.exponent)
+    if fmt.gradual and number.exponent.shape().signed:
+        # A subnormal keeps the weight of exponent 1.
+        distance = (1 - number.exponent).as_unsigned()
+        aligned = shift_right_sticky(m, extended, distance, "subnormal")
+        exponent, extended = Mux(tiny, 0, exponent), Mux(tiny, aligned, extended)
+    encoded = round_nearest_even(fmt, exponent, extended[2:], extended[1], extended[0])
+    overflow = (number.exponent >= fmt.exponent_special) & ~number.is_zero
+    return pack(m, fmt, number.sign, encoded, is_nan=number.is_nan, is_infinite=number.is_infinite | overflow,
+                is_zero=number.is_zero | (tiny & (not fmt.gradual)))

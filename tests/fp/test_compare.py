@@ -1,0 +1,66 @@
+# amaranth: UnusedElaboratable=no
+"""Comparison: circuits and twin against TestFloat and against float64."""
+
+import numpy as np
+import pytest
+
+from strapdown.fp import BINARY32, FpCompare
+
+from .support import FORMATS, Bank, assert_equal, decode, pairs_for, vectors
+
+
+@pytest.fixture(scope="module")
+def bank(models, tmp_path_factory):
+    operators = {f"{name}_{latency}": FpCompare(fmt, latency=latency)
+                 for name, fmt in FORMATS.items() for latency in ((1, 2) if fmt.width == 32 else (1,))}
+    return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
+
+
+def check(bank, fmt, relations, **operands):
+    """Assert the relations that are given, of circuits and twin."""
+    results = bank.run(**operands)
+    for name, compare in bank.operators.items():
+        if compare.format != fmt:
+            continue
+        for relation, wanted in relations.items():
+            assert_equal(f"{name}: {relation}", results[name][relation], wanted, operands)
+        if fmt.width >= 16:
+            twin = compare.compute(*(fmt.from_bits(rows) for rows in operands.values()))
+            for relation, wanted in relations.items():
+                assert_equal(f"{name}: {relation}, twin", getattr(twin, relation), wanted, operands)
+
+
+@pytest.mark.parametrize("latency", [-1, 0, 3])
+def test_latency_out_of_range(latency):
+    with pytest.raises(ValueError, match=f"^latency must be from 1 to 2, not {latency}$"):
+        FpCompare(BINARY32, latency=latency)
+
+
+def test_properties():
+    compare = FpCompare(BINARY32)
+    assert (compare.format, compare.latency, compare.interval) == (BINARY32, 1, 1)
+
+
+@pytest.mark.verilator
+def test_testfloat(bank):
+    less, equal, less_or_equal = (vectors(f"f32_{name}") for name in ("lt", "eq", "le"))
+    np.testing.assert_array_equal(less_or_equal["result"], less["result"] | equal["result"])
+    check(bank, BINARY32, {"less": less["result"], "equal": equal["result"]}, a=less["a"], b=less["b"])
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", FORMATS)
+def test_relations(bank, name):
+    fmt, rng = FORMATS[name], np.random.default_rng(1)
+    a, b = pairs_for(fmt, rng)
+    same = rng.random(len(a)) < 0.1
+    b[same] = a[same]
+    x, y = decode(fmt, a), decode(fmt, b)
+    check(bank, fmt, {"less": x < y, "equal": x == y, "unordered": np.isnan(x) | np.isnan(y)}, a=a, b=b)
+
+
+@pytest.mark.verilator
+def test_handshake(bank):
+    rng = np.random.default_rng(3)
+    bank.check_handshake(rng, a=rng.integers(0, 1 << 64, 2000, dtype=np.uint64),
+                         b=rng.integers(0, 1 << 64, 2000, dtype=np.uint64))
