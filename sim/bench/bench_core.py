@@ -2,7 +2,6 @@
 
 import cocotb
 import numpy as np
-
 from strapdown_sim.bench.handshake import CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
 from strapdown_sim.reference.ports import reference_outputs

@@ -4,7 +4,6 @@ import math
 
 import cocotb
 import numpy as np
-
 from strapdown_sim.bench.handshake import CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
 from strapdown_sim.reference.attitude import ComplementaryFilter
@@ -81,7 +80,7 @@ async def sensor_without_length(dut):
         inputs = sample(**kwargs)
         await driver.update(inputs)
         assert driver.status() == expected, kwargs
-        vectors = [[inputs[f"in_{sensor}{axis}"] for axis in "xyz"] for sensor in ("acc", "mag", "gyro")]
+        vectors = [tuple(inputs[f"in_{sensor}{axis}"] for axis in "xyz") for sensor in ("acc", "mag", "gyro")]
         if kwargs.get("a") == (1e-30, 0.0, 0.0):
             vectors[0] = nothing  # too short to have a direction
         assert near(driver, truth.update(*vectors)), kwargs

@@ -1,6 +1,5 @@
 """The cores' handshake, as a user's RTL would drive it."""
 
-import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge, Timer
@@ -19,6 +18,7 @@ class CoreDriver:
 
     def __init__(self, dut, core):
         self._dut = dut
+        self._running = False
         self._format = core.engine.program.format
         self.core = core
         self.system = core.system
@@ -27,8 +27,9 @@ class CoreDriver:
 
     async def reset(self):
         """Start the clock if need be, reset asynchronously, leave everything idle."""
-        if not getattr(self, "_clock", None):
-            self._clock = cocotb.start_soon(Clock(self._dut.clk, PERIOD_NS, unit="ns").start())
+        if not self._running:
+            Clock(self._dut.clk, PERIOD_NS, unit="ns").start()
+            self._running = True
         self.start.value = 0
         self.drive(dict.fromkeys(self.system.input_ports, 0.0))
         self._dut.rst_n.value = 0

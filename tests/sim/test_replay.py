@@ -1,5 +1,7 @@
 """Whole recordings through the circuit."""
 
+import json
+
 import pytest
 from strapdown_sim.recordings import read_recording
 from strapdown_sim.replay import replay
@@ -23,10 +25,13 @@ def check(recording, folder, models):
 
 
 @pytest.mark.verilator
-def test_x_imu_recording(x_imu_recording, tmp_path, models):
+def test_x_imu_recording(x_imu_recording, tmp_path, models, root, update_docs):
     summary = check(read_recording(x_imu_recording), tmp_path, models)
     assert summary["samples"] == 12_626
     assert summary["sample_rate_hz"] == 256
+    # This is what `make demo` runs: its table in the README has to be true.
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert update_docs.block((root / "README.md").read_text(), "demo")[1].strip() == update_docs.demo_block(written)
 
 
 @pytest.mark.verilator

@@ -1,0 +1,89 @@
+"""Pictures of attitude over time, for reports: PNG files of equal bytes for equal data."""
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from .errors import angle_difference
+
+__all__ = ["attitude_picture"]
+
+_ANGLES = "roll", "pitch", "yaw"
+_ANGLE_COLOURS = "#3366aa", "#cc6633", "#448855"
+_HARDWARE, _REFERENCE, _DEVICE, _GRID = "#10243e", "#8fc1ea", "#e0a458", "#e4e4e4"
+_ENVELOPE_POINTS = 600
+
+
+def attitude_picture(path, *, title, time_s, hardware, reference_model, device=None,
+                     labels=("hardware", "float64 reference", "device's own estimate")):
+    """Draw three angles over time and, below them, hardware against the reference model.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG file to write.
+    title : str
+        Headline.
+    time_s : ndarray, shape (N,)
+        Time, seconds.
+    hardware, reference_model : ndarray, shape (N, 3)
+        Roll, pitch and yaw, degrees.
+    device : ndarray, shape (N, 3), optional
+        A third estimate of the same angles; NaN where there is none.
+    labels : sequence of str
+        Names of hardware, reference model and third estimate, for the legend.
+
+    Notes
+    -----
+    The difference is shown without sign on a logarithmic scale, as the largest value in each of at
+    most 600 equal groups of samples. Jumps by a full turn are neither drawn nor counted.
+    """
+    time_s, hardware, reference_model = (np.asarray(a, float) for a in (time_s, hardware, reference_model))
+    figure = Figure(figsize=(9.0, 8.4), dpi=150, layout="constrained")
+    *panels, difference = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1, 0.9))
+
+    for k, (axes, angle) in enumerate(zip(panels, _ANGLES, strict=True)):
+        handles = [
+            *axes.plot(time_s, _without_jumps(hardware[:, k]), color=_HARDWARE, linewidth=0.8, zorder=3),
+            *axes.plot(time_s, _without_jumps(reference_model[:, k]), color=_REFERENCE, linewidth=3.2, zorder=2)]
+        if device is not None:
+            # Points, not lines: the estimate may be slower than the samples, or have holes.
+            handles += axes.plot(time_s, np.asarray(device, float)[:, k], ".", color=_DEVICE, markersize=2.5,
+                                 markeredgewidth=0, zorder=1)
+        axes.set_ylabel(f"{angle} (°)")
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=(1, 1.5, 3, 4.5, 9, 10)))
+
+    for k, angle in enumerate(_ANGLES):
+        size = np.abs(angle_difference(hardware[:, k], reference_model[:, k]))
+        difference.plot(*_envelope(time_s, size), color=_ANGLE_COLOURS[k], linewidth=0.9, label=angle)
+    difference.set_yscale("log", nonpositive="mask")
+    difference.set_ylabel("|difference| (°)")
+    difference.set_xlabel("time (s)")
+    difference.legend(loc="upper right", ncols=3, frameon=False, fontsize="small", title_fontsize="small",
+                      title=f"{labels[0]} against {labels[1]}")
+
+    for axes in (*panels, difference):
+        axes.grid(color=_GRID, linewidth=0.6)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    difference.set_xlim(time_s[0], time_s[-1])
+    figure.align_ylabels()
+    panels[0].set_title(title, loc="left", fontweight="bold", pad=26)
+    panels[0].legend(handles, labels[:len(handles)], loc="lower left", bbox_to_anchor=(0, 1), ncols=len(handles),
+                     frameon=False, fontsize="small", borderaxespad=0.3, markerscale=3)
+    FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
+
+
+def _without_jumps(angle):
+    """Angle with a hole where it jumps by more than half a turn, so that no line joins the two sides."""
+    broken = np.array(angle, dtype=float)
+    broken[1:][np.abs(np.diff(angle)) > 180.0] = np.nan
+    return broken
+
+
+def _envelope(time_s, size):
+    """Largest value in each group of samples and the group's first time; zero is left out."""
+    starts = np.unique(np.linspace(0, len(size), _ENVELOPE_POINTS, endpoint=False).astype(int))
+    largest = np.fmax.reduceat(size, starts)
+    return time_s[starts], np.where(largest > 0, largest, np.nan)
