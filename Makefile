@@ -7,7 +7,7 @@ WAVES ?=
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim lint clean
+.PHONY: help setup icarus demo verilog test sim lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ lint: setup ## Check style, types, spelling and the direction of imports.
 	$(BIN)/mypy sim
 	$(BIN)/lint-imports
 	$(BIN)/codespell
+
+docs: demo ## Write the generated figures and the demo's picture into README.md and docs/.
+	$(BIN)/python scripts/update_docs.py
 
 clean: ## Remove what was generated, but not .venv.
 	rm -rf build

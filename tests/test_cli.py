@@ -43,7 +43,8 @@ def test_generate_writes_verilog_and_json(tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["generate", "--set", "kp=-1"], "strapdown: configuration thesis: kp must be greater than or equal to 0, not '-1'"),
+    (["generate", "--set", "kp=-1"], "strapdown: configuration thesis: kp must be greater than or equal to 0, "
+                                     "not '-1'"),
     (["generate", "--set", "kp"], "strapdown: --set takes FIELD=VALUE, as in --set kp=1, not 'kp'"),
     (["generate", "--set", "name=x"], "strapdown: the fields name and pool cannot be changed by --set"),
     (["explain", "INS_acc", "--cycle", "9999"], "strapdown: INS_acc has cycles 0 to "),
