@@ -59,6 +59,11 @@ def test_names_are_plain(folder, name):
 
 
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
+def test_file_is_ascii(folder, name):
+    assert (folder / f"{name}.v").read_text().isascii()
+
+
+@pytest.mark.parametrize("name", ATTITUDE_CORES)
 def test_nothing_is_declared_and_never_read(folder, name):
     code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
     for module in code.split("endmodule")[:-1]:
@@ -91,7 +96,7 @@ def test_header_tells_equation_configuration_latency_and_program(folder):
     assert "accelerometer_error: e_a = a/|a|" in header
     assert re.search(r"kp +10\.0", header)
     assert f"rises {core.latency} cycles later" in header
-    assert re.search(r"algorithms/attitude\.py:\d+ attitude_update", header)
+    assert re.search(r"algorithms/attitude\.py:\d+ magnetometer_error", header)
     listed = [line for line in header.splitlines() if re.match(r"//\s+\d+ .*(\||:=|: )", line)]
     assert len(listed) > 200
 

@@ -14,6 +14,9 @@ from .tidy import tidy
 
 __all__ = ["verilog_text", "description", "write_core"]
 
+ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "ᵀ": "^T", "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
+"""Old tools read Verilog as ASCII, comments too."""
+
 def verilog_text(core, config):
     """The Verilog file of a core: header and modules.
 
@@ -46,7 +49,7 @@ def header(core, config):
     lines += ["", "OPERATORS", *_table(
         (unit.name, f"latency {unit.latency}, interval {unit.interval}", ", ".join(unit.operations))
         for unit in program.units), "", "MICROPROGRAM", *("  " + line for line in microprogram_listing(program))]
-    return "".join(f"// {line}".rstrip() + "\n" for line in lines) + "\n"
+    return "".join(f"// {line}".rstrip() + "\n" for line in lines).translate(ASCII) + "\n"
 
 
 def _states(engine):
