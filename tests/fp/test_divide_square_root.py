@@ -47,9 +47,10 @@ def shared(models, tmp_path_factory):
 @pytest.fixture(scope="module")
 def iterative(models, tmp_path_factory):
     """All other iterative circuits."""
-    operators = {f"both_{name}": FpDivideSquareRoot(fmt, bits_per_cycle=3) for name, fmt in FORMATS.items()}
+    bits = {"narrow_gradual": 1, "binary64_gradual": 5, "binary64_flush": 6}
+    operators = {f"both_{name}": FpDivideSquareRoot(fmt, bits_per_cycle=bits.get(name, 3))
+                 for name, fmt in FORMATS.items()}
     operators |= {
-        "both_1": FpDivideSquareRoot(FLUSH, bits_per_cycle=1),
         "both_24": FpDivideSquareRoot(BINARY32, bits_per_cycle=24),
         "divide": FpDivide(FLUSH, iterative=True),
         "root": FpSquareRoot(FLUSH, iterative=True),

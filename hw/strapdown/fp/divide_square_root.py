@@ -178,14 +178,13 @@ class _DigitRecurrence(wiring.Component):
     def _finish(self, m, s):
         fmt = self._format
         quotient = s.quotient[:self._bits]
+        # A root never lies halfway between two numbers, nor a quotient between two normal ones: the
+        # root's square, or the quotient's product with the divisor, would have too many bits.
+        sticky = C(1)
         if fmt.gradual:
             restored = Signal.like(s.remainder)
-            m.d.comb += restored.eq(s.remainder + Mux(s.remainder[-1], s.divisor | s.square_root, 0))
-            sticky = restored.any() | quotient[:-fmt.precision - 1].any()
-        else:
-            # No quotient or root lies halfway between two numbers: with one more bit than the
-            # significand's its product with the divisor, or its square, would have too many.
-            sticky = C(1)
+            m.d.comb += restored.eq(s.remainder + Mux(s.remainder[-1], s.divisor, 0))
+            sticky = s.square_root | restored.any() | quotient[:-fmt.precision - 1].any()
         return round_and_pack(m, fmt, SimpleNamespace(
             sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
             exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:])))
