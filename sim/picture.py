@@ -60,7 +60,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
     difference.set_yscale("log", nonpositive="mask")
     difference.set_ylabel("|difference| (°)")
     difference.set_xlabel("time (s)")
-    difference.legend(loc="upper right", ncols=3, frameon=False, fontsize="small", title_fontsize="small",
+    difference.legend(loc="lower right", ncols=3, frameon=False, fontsize="small", title_fontsize="small",
                       title=f"{labels[0]} against {labels[1]}")
 
     for axes in (*panels, difference):

@@ -110,8 +110,10 @@ class VerilatedModel:
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
                   verilog],
                  environment=verilator_environment())
-        sources = sorted(partial.glob("*.cpp"))
-        run_tool(["g++", *compile_flags(), f"-I{partial}", *sources, *runtime, "-o", partial / "model"])
+        # One translation unit: the headers of Verilator are longer than what it makes of a core.
+        sources = sorted(path.name for path in partial.glob("*.cpp"))
+        (partial / "all.cc").write_text("".join(f'#include "{name}"\n' for name in sources))
+        run_tool(["g++", *compile_flags(), f"-I{partial}", partial / "all.cc", *runtime, "-o", partial / "model"])
         shutil.rmtree(directory, ignore_errors=True)
         partial.rename(directory)
 

@@ -128,7 +128,8 @@ def test_to_float(to_float, shape):
     fmt, width, fraction_bits, _ = shape
     convert, rng = to_float.operators[name_of(*shape)], np.random.default_rng(1)
     # All magnitudes equally often, and the ends of the range.
-    operand = rng.integers(-(1 << width - 1), 1 << width - 1, 200_000) >> rng.integers(0, width, 200_000)
+    count = 1_000_000
+    operand = rng.integers(-(1 << width - 1), 1 << width - 1, count) >> rng.integers(0, width, count)
     operand[:6] = 0, 1, -1, (1 << width - 1) - 1, -(1 << width - 1), -(1 << width - 1) + 1
     bits = operand.view(np.uint64) & np.uint64((1 << width) - 1)
     result = to_float.run(operand=bits)[name_of(*shape)]["result"]
