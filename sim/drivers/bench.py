@@ -47,9 +47,12 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False):
     build = directory / "build"
     runtime = directory.parent / ("runtime-waves" if waves else "runtime")
     _copy_objects(runtime, build)
-    flags = ["-g2001"] if simulator == "icarus" else ["-Wno-fatal", "--no-timing"]
     environment = {}
-    if simulator == "verilator":
+    if simulator == "icarus":
+        # What cocotb adds to write waveforms is not Verilog-2001.
+        flags = [] if waves else ["-g2001"]
+    else:
+        flags = ["-Wno-fatal", "--no-timing"]
         # Benches are short: to compile Verilator's output well would take longer than to run it.
         environment = verilator_environment() | {"MAKEFLAGS": "OPT_GLOBAL=-O0 OPT_FAST=-O1 OPT_SLOW=-O0"}
     with _environment(environment):
