@@ -24,7 +24,7 @@ def core_under_test():
     return attitude_core(os.environ[MODULE], config), config
 
 
-def run_bench(benches, module, config, simulator, directory, *, waves=False):
+def run_bench(benches, module, config, simulator, directory, *, waves=False, language="2001"):
     """Run cocotb benches on a module.
 
     Parameters
@@ -37,6 +37,9 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False):
         "icarus" or "verilator".
     directory : Path
         Folder for Verilog, build, log and, if ``waves``, the waveform.
+    language : str
+        What Icarus takes the file for, "2001" or "2012"; with ``waves`` always "2012", because what
+        cocotb adds to write them is SystemVerilog.
 
     Returns
     -------
@@ -49,8 +52,7 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False):
     _copy_objects(runtime, build)
     environment = {}
     if simulator == "icarus":
-        # What cocotb adds to write waveforms is not Verilog-2001.
-        flags = [] if waves else ["-g2001"]
+        flags = ["-g2012" if waves else f"-g{language}"]
     else:
         flags = ["-Wno-fatal", "--no-timing"]
         # Benches are short: to compile Verilator's output well would take longer than to run it.

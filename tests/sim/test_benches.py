@@ -15,6 +15,14 @@ BENCHES = {module: ["strapdown_sim.bench.bench_core"] for module in ATTITUDE_COR
 BENCHES["INS_top"].append("strapdown_sim.bench.bench_ins_top")
 
 
+@pytest.mark.icarus
+@pytest.mark.parametrize("module", ["INS_acc", "INS_atan"])
+def test_file_compiled_as_systemverilog_behaves_alike(module):
+    if missing := icarus_missing():
+        pytest.skip(missing)
+    run_bench(BENCHES[module], module, "thesis", "icarus", BUILD / "icarus-2012" / module, language="2012")
+
+
 @pytest.mark.parametrize("simulator", SIMULATORS)
 @pytest.mark.parametrize("module", BENCHES)
 def test_bench(module, simulator):
