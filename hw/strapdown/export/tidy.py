@@ -113,18 +113,17 @@ def _named_slices(text):
 
 
 def _without_aliases(text):
-    """Two names for one value are one: the port's, else the longer, which tells more."""
+    """Two names for one value are one: a port's, else the one that tells more."""
     ports = set(PORT.findall(text))
     while True:
-        wires = {name for _, name in WIRE.findall(text)}
+        wires = {name: line for line, name in WIRE.findall(text)}
         for line, target, value in ASSIGN.findall(text):
             if not re.fullmatch(r"[A-Za-z_]\w*", value) or target not in wires or target in ports:
                 continue
             goes, stays = target, value
-            if value in wires and value not in ports and _telling(target) > _telling(value):
+            if value not in ports and _telling(target) > _telling(value):
                 goes, stays = value, target
-            text = text.replace(line, "", 1)
-            text = re.sub(WIRE.pattern.replace(r"(\w+)", f"({goes})"), "", text, count=1, flags=re.MULTILINE)
+            text = text.replace(line, "", 1).replace(wires[target], "", 1)
             text = re.sub(rf"(?<!\.)\b{goes}\b", stays, text)
             break
         else:
