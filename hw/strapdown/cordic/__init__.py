@@ -1,3 +1,5 @@
-"""Iterative operators on floating-point numbers, made of shifts, additions and a small table."""
+"""Angles from shifts, additions and a small table: iterative on floating-point numbers, unrolled on fixed point."""
 
 from .atan2 import *
+from .fixed_atan2 import *
+from .sincos import *

@@ -9,14 +9,12 @@ from amaranth.lib.wiring import In, Out
 
 from ..fp.format import FloatFormat
 from ..fp.stages import normalise, round_nearest_even, unpack
+from .tables import SCALE, round_shift, scaled_atan
 
 __all__ = ["CordicAtan2"]
 
 # How a result comes about: 0 to 4 stand for so many quarters of pi, exactly rounded.
 _NAN, _COMPUTED = 5, 6
-
-# Fraction bits of the integers that constants are computed from.
-_SCALE = 128
 
 
 class CordicAtan2(wiring.Component):
@@ -82,9 +80,9 @@ class CordicAtan2(wiring.Component):
         # Row i holds 2**i * atan(2**-i). Row ``last`` does for all after it: their angles round to
         # 1, and x grows by no more than about a unit.
         self._last = (self._width + 2) // 2
-        self._table = [*(_round_shift(_scaled_atan(i), _SCALE - self._width) for i in range(self._last)),
+        self._table = [*(round_shift(scaled_atan(i), SCALE - self._width) for i in range(self._last)),
                        1 << self._width]
-        self._half_pi = _round_shift(2 * _scaled_atan(0), _SCALE - self._width)
+        self._half_pi = round_shift(2 * scaled_atan(0), SCALE - self._width)
         self._constants = [*(_encode_quarters(format, n) for n in range(5)), format.nan]
 
     @property
@@ -342,29 +340,7 @@ def _encode_quarters(fmt, count):
     """Encoding of ``count`` quarters of pi, correctly rounded."""
     if not count:
         return 0
-    value = count * _scaled_atan(0)
-    exponent = value.bit_length() - 1 - _SCALE
-    significand = _round_shift(value, value.bit_length() - fmt.precision)
+    value = count * scaled_atan(0)
+    exponent = value.bit_length() - 1 - SCALE
+    significand = round_shift(value, value.bit_length() - fmt.precision)
     return (fmt.bias + exponent - 1 << fmt.fraction_width) + significand
-
-
-def _scaled_atan(i):
-    """2**i * atan(2**-i) in units of 2**-_SCALE; the last i + 8 bits are uncertain."""
-    if i == 0:
-        return 4 * _atan_reciprocal(5) - _atan_reciprocal(239)  # Machin's formula
-    return _atan_reciprocal(1 << i) << i
-
-
-def _atan_reciprocal(n):
-    """atan(1 / n) by Gregory's series, in units of 2**-_SCALE."""
-    power = (1 << _SCALE) // n
-    terms: list[int] = []
-    while power:
-        terms.append(power // (2 * len(terms) + 1))
-        power //= n * n
-    return sum(terms[::2]) - sum(terms[1::2])
-
-
-def _round_shift(value, bits):
-    """value / 2**bits, rounded."""
-    return (value + (1 << bits - 1)) >> bits
