@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# Operators are made, and their options so checked, before the first is written.
 """The command line: list, generate, replay, explain."""
 
 import re
@@ -8,7 +10,8 @@ import click
 from strapdown import __version__
 from strapdown.config import CONFIGS, ConfigError
 from strapdown.cores import ATTITUDE_CORES, attitude_core
-from strapdown.export import explain, write_core
+from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
+from strapdown.export import explain, write_core, write_operator
 
 __all__ = ["main"]
 
@@ -76,11 +79,24 @@ def list_():
               help="Module to generate; may be repeated. All by default.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=None,
               help="Folder to write to.  [default: build/verilog/CONFIG]")
-def generate(config_name, changes, modules, output):
+@click.option("--operators", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
+              help="Write the thesis's vendor operators (add, sub, mult, ...) to this folder, and no module.")
+@click.option("--latency", "latencies", metavar="OPERATOR=N", multiple=True,
+              help="Cycles of one of the --operators, as in --latency add=8. May be repeated.")
+@click.pass_context
+def generate(context, config_name, changes, modules, output, operators, latencies):
     """Write <Module>.v and <Module>.json for each module.
 
     Each Verilog file is self-contained Verilog-2001. Two runs give equal bytes.
     """
+    if operators is not None:
+        for name in ("config_name", "changes", "modules", "output"):
+            if context.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
+                option = {"config_name": "config", "changes": "set", "modules": "module"}.get(name, name)
+                raise UserError(f"--{option} does not go with --operators, which depend on --latency alone")
+        return _generate_operators(operators, latencies)
+    if latencies:
+        raise UserError("--latency needs --operators DIR; the modules' operators belong to the configuration")
     config, options = configuration(config_name, changes)
     directory = output or Path("build/verilog") / config.name
     for name in modules or ATTITUDE_CORES:
@@ -90,6 +106,28 @@ def generate(config_name, changes, modules, output):
         except OSError as error:
             raise UserError(f"cannot write to {directory}: {error.strerror}") from None
         click.echo(f"{path}  {core.latency} cycles")
+
+
+def _generate_operators(directory, latencies):
+    """Write the vendor operators, after all latencies have been found good."""
+    chosen = {}
+    for change in latencies:
+        if not (match := re.fullmatch(r"(\w+)=(-?\d+)", change)):
+            raise UserError(f"--latency takes OPERATOR=N, as in --latency add=8, not {change!r}")
+        chosen[match[1]] = int(match[2])
+    try:
+        made = [VendorOperator(name, latency=latency)
+                for name, latency in {**dict.fromkeys(VENDOR_OPERATORS), **chosen}.items()]
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    for vendor in made:
+        name, latency = vendor.kind.name, vendor.latency
+        option = "" if latency == vendor.kind.latency else f" --latency {name}={latency}"
+        try:
+            path = write_operator(vendor, directory, f"strapdown generate --operators DIR{option}")
+        except OSError as error:
+            raise UserError(f"cannot write to {directory}: {error.strerror}") from None
+        click.echo(f"{path}  {latency} cycles")
 
 
 @main.command()

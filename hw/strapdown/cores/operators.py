@@ -1,0 +1,252 @@
+# amaranth: UnusedElaboratable=no
+# An operator tells its latency and its ports without being elaborated.
+# mypy: disable-error-code="attr-defined"
+"""Operators under the module and port names of the vendor cores that thesis RTL instantiates."""
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from amaranth import *
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from strapdown.cordic import FixedAtan2
+from strapdown.fp import (
+    BINARY32,
+    FixedToFp,
+    FpAdd,
+    FpCompare,
+    FpDivide,
+    FpMultiply,
+    FpSquareRoot,
+    FpToFixed,
+    Subnormals,
+)
+
+__all__ = ["VENDOR_OPERATORS", "VendorKind", "VendorOperator", "VendorPort"]
+
+FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
+"""The vendor's operators take subnormals for zeros and give none."""
+
+MAXIMUM_LATENCY = 64
+"""More ranks than any of the vendor's operators has."""
+
+
+@dataclass(frozen=True)
+class VendorPort:
+    """A data port of a vendor core.
+
+    Attributes
+    ----------
+    name : str
+        Its name there.
+    member : str
+        The member of our operator that it is.
+    width : int
+        Bits.
+    meaning : str
+        For headers and documents.
+    """
+
+    name: str
+    member: str
+    width: int
+    meaning: str
+
+
+@dataclass(frozen=True)
+class VendorKind:
+    """One of the vendor's operators.
+
+    Attributes
+    ----------
+    name, title : str
+        Module name, and what it computes.
+    latency, least_latency : int
+        The vendor's number of cycles, and the least that our operator can do with.
+    make : callable
+        Our operator with at most as many ranks as its argument says.
+    twin : callable
+        Our operator and arrays, in the order of ``operands``, to the array of results.
+    operands : tuple of VendorPort
+        Data inputs.
+    result : VendorPort
+        Data output.
+    notes : tuple of str
+        Rounding and special values, a sentence each.
+    new_data : str
+        Name of the port that says that operands are there.
+    constants : tuple of (str, int)
+        Members of our operator that are no ports, and their values.
+    """
+
+    name: str
+    title: str
+    latency: int
+    least_latency: int
+    make: Callable[[int], Any]
+    twin: Callable[..., np.ndarray]
+    operands: tuple[VendorPort, ...]
+    result: VendorPort
+    notes: tuple[str, ...]
+    new_data: str = "operation_nd"
+    constants: tuple[tuple[str, int], ...] = ()
+
+
+class VendorOperator(wiring.Component):
+    """An operator with the module and port names, the latency and the control ports of a vendor core.
+
+    Parameters
+    ----------
+    name : str
+        One of ``VENDOR_OPERATORS``.
+    latency : int or None
+        Cycles from operands to result, ``kind.least_latency`` to 64; None means the vendor's.
+
+    Members
+    -------
+    operation_nd (``atan``: nd) : In(1)
+        New data: the operands are taken at a rising edge of ``clk`` with this and ``ce`` high.
+    clk, sclr, ce : In(1)
+        Clock; synchronous clear, which takes back all operations under way, at ``ce`` low too;
+        clock enable, without which registers hold.
+    rdy : Out(1)
+        High while the result of an operation is there.
+    Operands and result have the vendor's names; see ``kind``.
+
+    Latency: ``latency`` cycles with ``ce`` high; one operation per cycle; no back-pressure.
+    Accuracy, special values: those of ``operator``. Subnormals count as zeros of their sign.
+    Raises: ValueError for an unknown name or a latency out of range.
+    Source: the ports that thesis RTL connects; see docs/operators.md.
+    """
+
+    def __init__(self, name, *, latency=None):
+        if name not in VENDOR_OPERATORS:
+            raise ValueError(f"operator must be one of {', '.join(VENDOR_OPERATORS)}, not {name!r}")
+        self._kind = kind = VENDOR_OPERATORS[name]
+        self._latency = kind.latency if latency is None else operator.index(latency)
+        if not kind.least_latency <= self._latency <= MAXIMUM_LATENCY:
+            raise ValueError(
+                f"latency of {name} must be from {kind.least_latency} to {MAXIMUM_LATENCY}, not {latency!r}")
+        self._operator = kind.make(self._latency)
+        super().__init__({
+            kind.new_data: In(1), "clk": In(1), "sclr": In(1), "ce": In(1), "rdy": Out(1),
+            **{port.name: In(port.width) for port in kind.operands}, kind.result.name: Out(kind.result.width)})
+
+    @property
+    def kind(self):
+        """What the vendor core of this name is."""
+        return self._kind
+
+    @property
+    def operator(self):
+        """Our operator inside."""
+        return self._operator
+
+    @property
+    def latency(self):
+        """Cycles with ``ce`` high from the operands to their result."""
+        return self._latency
+
+    @property
+    def extra_ranks(self):
+        """Register ranks behind our operator, up to ``latency``."""
+        return self._latency - self._operator.latency
+
+    def compute(self, *operands):
+        """Bit-exact software twin: arrays of float32, fixed point as integers, in the order of the ports."""
+        return self._kind.twin(self._operator, *operands)
+
+    def elaborate(self, platform):
+        m = Module()
+        kind, inner = self._kind, self._operator
+        # The reset of a clock domain does not ask for the enable: sclr overrides ce.
+        m.domains.sync = ClockDomain()
+        m.d.comb += [ClockSignal().eq(self.clk), ResetSignal().eq(self.sclr)]
+        m.submodules.operator = EnableInserter(self.ce)(inner)
+        m.d.comb += inner.start.eq(getattr(self, kind.new_data))
+        m.d.comb += [getattr(inner, member).eq(value) for member, value in kind.constants]
+        m.d.comb += [Value.cast(getattr(inner, port.member)).eq(getattr(self, port.name)) for port in kind.operands]
+
+        # Ranks that our operator has no use for follow it: results have fewer bits than operands.
+        valid, result = inner.done, Value.cast(getattr(inner, kind.result.member))
+        for rank in range(self.extra_ranks):
+            valid_q = Signal(name=f"valid_{rank}")
+            result_q = Signal(kind.result.width, name=f"result_{rank}", reset_less=True)
+            with m.If(self.ce):
+                m.d.sync += [valid_q.eq(valid), result_q.eq(result)]
+            valid, result = valid_q, result_q
+        m.d.comb += [self.rdy.eq(valid), getattr(self, kind.result.name).eq(result)]
+        return m
+
+
+def _pipeline(make, **parameters):
+    """A maker of an operator that has one rank for each of its cuts, at most."""
+    most = len(make.CUTS)
+    return lambda latency: make(**parameters, latency=min(latency, most))
+
+
+def _recurrence(make):
+    """A maker of a digit recurrence with as few bits a cycle as the latency allows."""
+    def fitting(latency):
+        for bits_per_cycle in range(1, FLUSHED32.precision + 1):
+            recurrence = make(FLUSHED32, bits_per_cycle=bits_per_cycle)
+            if recurrence.latency <= latency:
+                return recurrence
+        raise ValueError(f"{make.__name__} has no latency of {latency} or less")
+    return fitting
+
+
+_A, _B = (VendorPort(name, name, 32, f"binary32, {name}") for name in "ab")
+_FLOAT = VendorPort("result", "result", 32, "binary32")
+_ROUNDED = "Rounded to nearest, ties to even."
+_NANS = "Every NaN that comes out is 7fc00000."
+_KINDS = (
+    VendorKind("add", "a + b", 11, 1, _pipeline(FpAdd, format=FLUSHED32),
+               lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
+               (_ROUNDED, "x - x is +0; infinity - infinity is NaN.", _NANS), constants=(("subtract", 0),)),
+    VendorKind("sub", "a - b", 11, 1, _pipeline(FpAdd, format=FLUSHED32),
+               lambda op, a, b: op.compute(a, b, True), (_A, _B), _FLOAT,
+               (_ROUNDED, "x - x is +0; infinity - infinity is NaN.", _NANS), constants=(("subtract", 1),)),
+    VendorKind("mult", "a * b", 6, 1, _pipeline(FpMultiply, format=FLUSHED32),
+               lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
+               (_ROUNDED, "0 * infinity is NaN.", _NANS)),
+    VendorKind("div", "a / b", 28, 3, _recurrence(FpDivide),
+               lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
+               (_ROUNDED, "x / 0 is infinity; 0 / 0 and infinity / infinity are NaN.", _NANS)),
+    VendorKind("sqrt", "square root of a", 28, 3, _recurrence(FpSquareRoot),
+               lambda op, a: op.compute(a), (_A,), _FLOAT,
+               (_ROUNDED, "The root of -0 is -0, that of other negative numbers NaN.", _NANS)),
+    VendorKind("equl", "a = b", 2, 1, _pipeline(FpCompare, format=FLUSHED32),
+               lambda op, a, b: op.compute(a, b).equal, (_A, _B),
+               VendorPort("result", "equal", 1, "1 if a = b"),
+               ("+0 equals -0; a NaN equals nothing.",)),
+    VendorKind("less", "a < b", 2, 1, _pipeline(FpCompare, format=FLUSHED32),
+               lambda op, a, b: op.compute(a, b).less, (_A, _B),
+               VendorPort("result", "less", 1, "1 if a < b"),
+               ("+0 is not above -0; a NaN is less than nothing, and nothing than it.",)),
+    VendorKind("fl32tofi16", "fixed point with 14 fraction bits from binary32", 6, 1,
+               _pipeline(FpToFixed, format=FLUSHED32, width=16, fraction_bits=14),
+               lambda op, a: op.compute(a), (_A,),
+               VendorPort("result", "result", 16, "two's complement, 14 fraction bits"),
+               (_ROUNDED, "What exceeds the range becomes the nearest end of it, infinities included.",
+                "NaN becomes the largest number.")),
+    VendorKind("fi16tofl32", "binary32 from fixed point with 13 fraction bits", 6, 1,
+               _pipeline(FixedToFp, format=FLUSHED32, width=16, fraction_bits=13),
+               lambda op, a: op.compute(a),
+               (VendorPort("a", "operand", 16, "two's complement, 13 fraction bits"),), _FLOAT,
+               ("Exact.", "0 becomes +0.")),
+    VendorKind("atan", "angle from the x axis to (x_in, y_in), rad", FixedAtan2.DEFAULT_LATENCY, 1,
+               _pipeline(FixedAtan2), lambda op, x_in, y_in: op.compute(y_in, x_in),
+               (VendorPort("x_in", "x_in", 16, "two's complement, 14 fraction bits"),
+                VendorPort("y_in", "y_in", 16, "two's complement, 14 fraction bits")),
+               VendorPort("phase_out", "phase_out", 16, "two's complement, 13 fraction bits, rad"),
+               ("Within 0.73 * 2^-13 rad, however short the vector.", "All four quadrants, -pi to pi.",
+                "The angle of (0, 0) is 0."), new_data="nd"),
+)
+
+VENDOR_OPERATORS = {kind.name: kind for kind in _KINDS}
+"""The vendor cores of the thesis, by module name."""
