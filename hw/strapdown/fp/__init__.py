@@ -5,5 +5,8 @@ from .compare import *
 from .convert import *
 from .divide_square_root import *
 from .format import *
+from .min_max import *
 from .multiply import *
+from .reciprocal_square_root import *
+from .resize import *
 from .select import *

@@ -9,14 +9,15 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from .pipeline import Ranks
-from .stages import normalise, round_and_pack, unpack
+from .stages import normalised, round_and_pack, unpack
 
 __all__ = ["FpDivide", "FpSquareRoot", "FpDivideSquareRoot"]
 
 
-class _DigitRecurrence(wiring.Component):
-    """Base of the three operators: a non-restoring recurrence, one result bit in each step.
+class DigitRecurrence(wiring.Component):
+    """Base of the digit recurrences: one result bit in each step, pipelined or iterative.
 
+    The one for quotients and roots is here, non-restoring; a subclass may bring another.
     With X the dividend, scaled to [B, 2B) for the divisor B in [1, 2), or the radicand, scaled to
     [1, 4), the result is Q = 1.q_1 q_2 ... and step k = 0, 1, ... makes from the remainder R
 
@@ -29,6 +30,9 @@ class _DigitRecurrence(wiring.Component):
     Source: Ercegovac and Lang, Digital Arithmetic, 2004, chapters 5 and 6; for the square root
     Li and Chu, A new non-restoring square root algorithm, ICCD 1996.
     """
+
+    # The registers that a step changes.
+    _stepped: tuple[str, ...] = ("remainder", "divisor", "place", "quotient")
 
     def __init__(self, format, operands, *, bits_per_cycle, iterative):
         self._format = format
@@ -113,7 +117,7 @@ class _DigitRecurrence(wiring.Component):
         m.d.comb += [finishing.eq(busy & s.quotient[-1]), accept.eq(self.start & (~busy | finishing))]
         m.d.sync += [busy.eq(accept | (busy & ~finishing)), self.done.eq(finishing)]
 
-        for name in "remainder", "divisor", "place", "quotient":
+        for name in self._stepped:
             m.d.sync += getattr(s, name).eq(getattr(steps[-1], name))
         with m.If(accept):
             m.d.sync += [getattr(s, name).eq(value) for name, value in vars(begun).items()]
@@ -125,8 +129,8 @@ class _DigitRecurrence(wiring.Component):
         fmt = self._format
         square_root = self._select
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self._divisor, "b")
-        a_significand, a_exponent = _normalised(m, fmt, self.a, a, "a")
-        b_significand, b_exponent = _normalised(m, fmt, self._divisor, b, "b")
+        a_significand, a_exponent = normalised(m, fmt, self.a, a, "a")
+        b_significand, b_exponent = normalised(m, fmt, self._divisor, b, "b")
 
         # Scale X by two if it is less than B, or if the root's exponent would not be whole: the
         # bias is odd, so that is where a_exponent is even.
@@ -190,14 +194,6 @@ class _DigitRecurrence(wiring.Component):
             exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:])))
 
 
-def _normalised(m, fmt, operand, number, name):
-    """Significand with its top bit one, and exponent, of a number that is neither zero nor special."""
-    if not fmt.gradual:
-        return Cat(operand.fraction, C(1, 1)), number.exponent
-    significand, zeros = normalise(m, number.significand, f"{name}_normalise")
-    return significand, number.exponent - zeros
-
-
 def _quotient(fmt, a, b):
     a, b = fmt.array(a), fmt.array(b)
     with np.errstate(all="ignore"):
@@ -217,7 +213,7 @@ def _square_root(fmt, a):
         return fmt.canonical(fmt.flush(np.sqrt(fmt.array(a))))
 
 
-class FpDivide(_DigitRecurrence):
+class FpDivide(DigitRecurrence):
     """Quotient of two floating-point numbers, ``result = a / b``.
 
     Parameters
@@ -261,7 +257,7 @@ class FpDivide(_DigitRecurrence):
         return _quotient(self._format, a, b)
 
 
-class FpSquareRoot(_DigitRecurrence):
+class FpSquareRoot(DigitRecurrence):
     """Square root of a floating-point number.
 
     Parameters
@@ -303,7 +299,7 @@ class FpSquareRoot(_DigitRecurrence):
         return _square_root(self._format, a)
 
 
-class FpDivideSquareRoot(_DigitRecurrence):
+class FpDivideSquareRoot(DigitRecurrence):
     """Quotient ``a / b`` or square root of ``a``, from one small iterative circuit.
 
     Parameters

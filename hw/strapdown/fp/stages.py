@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 from amaranth import *
 
-__all__ = ["unpack", "shift_right_sticky", "normalise", "round_nearest_even", "pack", "round_and_pack"]
+__all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_nearest_even", "pack", "round_and_pack"]
 
 
 def unpack(m, fmt, operand, name):
@@ -70,6 +70,14 @@ def normalise(m, value, name, *, limit=None):
         distance.insert(0, moves)
         value = shifted
     return value, Cat(*distance)
+
+
+def normalised(m, fmt, operand, number, name):
+    """Significand with its top bit one, and exponent, of a number that is neither zero nor special."""
+    if not fmt.gradual:
+        return Cat(operand.fraction, C(1, 1)), number.exponent
+    significand, zeros = normalise(m, number.significand, f"{name}_normalise")
+    return significand, number.exponent - zeros
 
 
 def round_nearest_even(fmt, exponent, significand, guard, sticky):

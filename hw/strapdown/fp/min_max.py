@@ -1,0 +1,78 @@
+"""Lesser or greater of two numbers."""
+
+import numpy as np
+from amaranth import *
+
+from .pipeline import PipelinedOperator
+from .stages import pack, unpack
+
+__all__ = ["FpMinMax"]
+
+
+class FpMinMax(PipelinedOperator):
+    """The lesser of two floating-point numbers, or the greater.
+
+    Parameters
+    ----------
+    format : FloatFormat
+        Format of operands and result.
+    latency : int
+        Register ranks, 1 or 2.
+
+    Members
+    -------
+    a, b, maximum, start : In(format), In(format), In(1), In(1)
+        Operands, any unit, and whether the greater one is wanted; taken while ``start`` is high.
+    result, done : Out(format), Out(1)
+        Result, valid while ``done`` is high.
+
+    Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
+    Accuracy: exact.
+    Special values: -0 is less than +0; a NaN operand gives the format's NaN, so that a lost
+    measurement stays visible: these are *minimum* and *maximum*, not *minimumNumber* and
+    *maximumNumber*, which would give the other operand.
+    Raises: ValueError if ``latency`` is out of range.
+    Source: IEEE 754-2019, 9.6, operations *minimum* and *maximum*.
+    """
+
+    CUTS = ("compare", "result")
+    CUT_PRIORITY = ("result", "compare")
+    DEFAULT_LATENCY = 1
+
+    def __init__(self, format, *, latency=None):
+        self._format = format
+        super().__init__({"a": format.layout, "b": format.layout, "maximum": 1}, {"result": format.layout},
+                         latency=latency)
+
+    @property
+    def format(self):
+        """Format of operands and result."""
+        return self._format
+
+    def compute(self, a, b, maximum):
+        """Bit-exact software twin: arrays of the format's dtype and of bool, shapes that broadcast."""
+        fmt = self._format
+        a, b = fmt.array(a), fmt.array(b)
+        # NumPy's own minimum does not tell the zeros apart.
+        less = (a < b) | ((a == b) & np.signbit(a))
+        chosen = np.where(less ^ np.asarray(maximum, dtype=bool), a, b)
+        return fmt.canonical(np.where(np.isnan(a), a, np.where(np.isnan(b), b, chosen)))
+
+    def elaborate(self, platform):
+        m = Module()
+        fmt = self._format
+        rank = self.ranks(m)
+
+        # Numbers of one sign compare like their magnitudes, the other way round if negative. Of
+        # equal ones either will do, and so of subnormals that are flushed to one and the same zero.
+        a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
+        magnitude_is_less = Cat(self.a.fraction, self.a.exponent) < Cat(self.b.fraction, self.b.exponent)
+        less = Mux(a.sign == b.sign, magnitude_is_less ^ a.sign, a.sign)
+        s = rank("compare", a=Value.cast(self.a), b=Value.cast(self.b), a_is_zero=a.is_zero, b_is_zero=b.is_zero,
+                 choose_a=less ^ self.maximum, is_nan=a.is_nan | b.is_nan)
+
+        chosen = Mux(s.choose_a, s.a, s.b)
+        s = rank("result", result=pack(m, fmt, chosen[-1], chosen[:-1], is_nan=s.is_nan, is_infinite=C(0),
+                                       is_zero=Mux(s.choose_a, s.a_is_zero, s.b_is_zero)))
+        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        return m

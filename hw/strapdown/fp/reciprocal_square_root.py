@@ -1,0 +1,124 @@
+"""Reciprocal square root, iterative."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from amaranth import *
+
+from .divide_square_root import DigitRecurrence
+from .stages import normalised, round_and_pack, unpack
+
+__all__ = ["FpReciprocalSquareRoot"]
+
+
+class FpReciprocalSquareRoot(DigitRecurrence):
+    """Reciprocal of the square root of a floating-point number, in a small iterative circuit.
+
+    Parameters
+    ----------
+    format : FloatFormat
+        Format of operand and result, with an ``exponent_width`` of at least 3: no result is
+        subnormal then.
+    bits_per_cycle : int
+        Result bits made in one cycle, 1 to the format's precision.
+
+    Members
+    -------
+    a, start : In(format), In(1)
+        Operand, any unit, taken while ``start`` is high and no operation is on.
+    result, done : Out(format), Out(1)
+        Result, valid from ``done`` to the next ``done``.
+
+    Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
+    operation in ``interval`` = ``latency`` - 1 cycles; a ``start`` that comes earlier is ignored.
+    Accuracy: correctly rounded, to nearest, ties to even.
+    Special values: a zero gives infinity of its sign, +infinity gives +0; other negative operands
+    and NaN give the format's NaN.
+    Raises: ValueError if ``format`` or ``bits_per_cycle`` is out of range.
+    Source: IEEE 754-2019, 9.2, operation *rSqrt*; N. Takagi, A hardware algorithm for computing
+    reciprocal square root, ARITH-15, 2001; Ercegovac and Lang, Digital Arithmetic, 2004, chapter 6.
+    """
+
+    _stepped = ("remainder", "trial", "quotient")
+
+    def __init__(self, format, *, bits_per_cycle=2):
+        if format.exponent_width < 3:
+            raise ValueError(f"exponent_width of format must be at least 3, not {format.exponent_width!r}")
+        super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=True)
+
+    def compute(self, a):
+        """Bit-exact software twin: an array of the format's dtype, any shape.
+
+        Raises: ValueError for formats wider than binary32.
+        """
+        fmt = self._format
+        if fmt.width > 32:
+            raise ValueError(f"the reciprocal square root of {fmt.name} has no software twin")
+        # The float64 root is within 2 ulp. A middle between two binary32 (or 16) numbers is further
+        # away from it, whatever the operand, but for one, 0x1.7431c6p+1 and its likes, which comes
+        # out right nevertheless: a test tries them all. So rounding twice is harmless.
+        with np.errstate(all="ignore"):
+            return fmt.canonical(fmt.array(1 / np.sqrt(fmt.array(a).astype(np.float64))))
+
+    @property
+    def _bits(self):
+        # b_1 is known from the start, so that the cycles always have room for the guard bit.
+        return self._registered_bits
+
+    # With X, the operand scaled to [1, 4), the result is 0.1 b_2 b_3 ... from 1/2 to 1. Let Q be the
+    # bits found so far, k - 1 of them, as an integer. The next one is b_k = 1 if with the odd number
+    # T = 2Q + 1 still W = 4**k - X T**2 > 0. From W and F = 4 X T + d X, where d = 1 if W > 0, else
+    # -1, this bit and the next trial, T' = 2T + d, follow without a multiplication:
+    #
+    #     W' = 4W - d F,    F' = 2F + d 3X  if d' = d,  else  2F + d X.
+    #
+    # It begins with k = 1, T = 1, W = 4 - X > 0, so that b_1 = 1 and F = 5X. ``remainder`` holds W less
+    # one unit of X's last place, so that its sign bit says W <= 0; ``trial`` holds F. The leading one
+    # that counts the cycles in ``quotient`` is b_1.
+    #
+    # Widths: T is never further than 1 from its goal y = 2**k / sqrt(X), hence |W| <= X (2 y + 1)
+    # < 2**(k+2) + 4 and 0 < F < 4 X (y + 1) + X < 2**(k+3) + 20. The last bit has k = p + 1 and needs W,
+    # and F of k = p; bits that a last cycle makes beyond it are not used.
+
+    def _begin(self, m):
+        fmt = self._format
+        a = unpack(m, fmt, self.a, "a")
+        significand, a_exponent = normalised(m, fmt, self.a, a, "a")
+
+        # The bias is odd: the exponent is whole where that of the encoding is odd.
+        x = Signal(fmt.precision + 1)
+        m.d.comb += x.eq(Mux(a_exponent[0], significand, significand << 1))
+        half = (fmt.bias - 1) // 2
+        exponent = Signal(range(3 * half + fmt.precision // 2 + 2))
+        m.d.comb += exponent.eq(3 * half - ((a_exponent - 1) >> 1))
+
+        remainder, trial = Signal(2 * fmt.precision + 4), Signal(2 * fmt.precision + 3)
+        m.d.comb += [remainder.eq(~x), trial.eq(x + (x << 2))]
+        return SimpleNamespace(
+            remainder=remainder, trial=trial, x=x, exponent=exponent, sign=a.sign,
+            is_nan=a.is_nan | (a.sign & ~a.is_zero), is_infinite=a.is_zero, is_zero=a.is_infinite)
+
+    def _step(self, m, s):
+        remainder, trial = Signal.like(s.remainder), Signal.like(s.trial)
+        negative, bit = s.remainder[-1], ~remainder[-1]
+        change = Mux(bit ^ negative, s.x + (s.x << 1), s.x)
+        length = len(remainder)
+        minuend, subtrahend = Signal(length + 1), Signal(length + 1)
+        m.d.comb += [
+            # The lowest bit carries into a subtraction.
+            minuend.eq(Cat(~negative, C(0b11, 2), s.remainder)),
+            subtrahend.eq(Cat(~negative, Mux(negative, s.trial, ~Cat(s.trial, C(0, 1))))),
+            remainder.eq((minuend + subtrahend)[1:]),
+            # So does that of 2F, which is free.
+            trial.eq(Cat(negative, s.trial) + Mux(negative, ~Cat(change, C(0, length)), change)),
+        ]
+        return SimpleNamespace(**{**vars(s), "remainder": remainder, "trial": trial,
+                                  "quotient": Cat(bit, s.quotient)})
+
+    def _finish(self, m, s):
+        # The quotient is always too small, by less than its last place, and the result no middle
+        # between two numbers: a dyadic fraction only for powers of four, where all bits are ones.
+        fmt = self._format
+        return round_and_pack(m, fmt, SimpleNamespace(
+            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
+            exponent=s.exponent, extended=Cat(C(1, 1), s.quotient[-fmt.precision - 1:])))
