@@ -4,11 +4,10 @@ import operator
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from ..fp.format import FloatFormat
 from ..fp.stages import normalise, round_nearest_even, unpack
+from .iterative import IterativeCordic
 from .tables import SCALE, round_shift, scaled_atan
 
 __all__ = ["CordicAtan2"]
@@ -17,7 +16,7 @@ __all__ = ["CordicAtan2"]
 _NAN, _COMPUTED = 5, 6
 
 
-class CordicAtan2(wiring.Component):
+class CordicAtan2(IterativeCordic):
     """Four-quadrant arctangent, ``result = atan2(y, x)``.
 
     Parameters
@@ -56,22 +55,10 @@ class CordicAtan2(wiring.Component):
     """
 
     def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=2):
-        if not isinstance(format, FloatFormat):
-            raise TypeError(f"format must be a FloatFormat, not {format!r}")
-        if format.exponent_width < 3:
-            raise ValueError(f"format must have at least 3 exponent bits, not {format.exponent_width!r}")
-        least = format.precision + 2
-        self._format = format
-        self._steps_per_cycle = operator.index(steps_per_cycle)
-        if self._steps_per_cycle < 1:
-            raise ValueError(f"steps_per_cycle must be at least 1, not {steps_per_cycle!r}")
+        self._take(format, least_exponent_width=3, iterations=iterations, steps_per_cycle=steps_per_cycle)
         self._width = format.precision + 5 if width is None else operator.index(width)
-        if self._width < least:
-            raise ValueError(f"width must be at least {least}, not {width!r}")
-        steps = format.precision + 6 if iterations is None else operator.index(iterations)
-        if steps < least:
-            raise ValueError(f"iterations must be at least {least}, not {iterations!r}")
-        self._cycles = -(-steps // self._steps_per_cycle)
+        if self._width < format.precision + 2:
+            raise ValueError(f"width must be at least {format.precision + 2}, not {width!r}")
         if self._width + self.iterations > 62:
             raise ValueError(f"width + iterations must be at most 62, not {self._width + self.iterations!r}")
         super().__init__({"y": In(format.layout), "x": In(format.layout), "start": In(1),
@@ -86,34 +73,9 @@ class CordicAtan2(wiring.Component):
         self._constants = [*(_encode_quarters(format, n) for n in range(5)), format.nan]
 
     @property
-    def format(self):
-        """Format of operands and result."""
-        return self._format
-
-    @property
-    def width(self):
-        """Fraction bits of the data path."""
-        return self._width
-
-    @property
-    def iterations(self):
-        """CORDIC steps, a multiple of ``steps_per_cycle``."""
-        return self._cycles * self._steps_per_cycle
-
-    @property
-    def steps_per_cycle(self):
-        """CORDIC steps done in one clock cycle."""
-        return self._steps_per_cycle
-
-    @property
     def latency(self):
         """Cycles from ``start`` to ``done``: load, normalise twice, prepare, iterate, round."""
         return 3 + self._cycles + (2 if self._format.gradual else 0)
-
-    @property
-    def interval(self):
-        """Least number of cycles between two starts: a load overlaps with the rounding before it."""
-        return self.latency - 1
 
     @property
     def error_bound(self):

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from ..fp.format import FloatFormat
 from ..fp.stages import normalise, round_nearest_even, unpack
+from .iterative import IterativeCordic
 from .tables import SCALE, least_remainder, round_shift, scaled_atan, scaled_reciprocal_gain
 
 __all__ = ["CordicSinCos", "SinCos"]
@@ -25,7 +24,7 @@ class SinCos(NamedTuple):
     cos: np.ndarray
 
 
-class CordicSinCos(wiring.Component):
+class CordicSinCos(IterativeCordic):
     """Sine and cosine of an angle, by one rotation.
 
     Parameters
@@ -65,19 +64,9 @@ class CordicSinCos(wiring.Component):
     """
 
     def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=2):
-        if not isinstance(format, FloatFormat):
-            raise TypeError(f"format must be a FloatFormat, not {format!r}")
-        if format.exponent_width < 5:
-            raise ValueError(f"format must have at least 5 exponent bits, not {format.exponent_width!r}")
+        self._take(format, least_exponent_width=5, iterations=iterations, steps_per_cycle=steps_per_cycle,
+                   most_steps_per_cycle=_REDUCTIONS)
         precision = format.precision
-        self._format = format
-        self._steps_per_cycle = operator.index(steps_per_cycle)
-        if not 1 <= self._steps_per_cycle <= _REDUCTIONS:
-            raise ValueError(f"steps_per_cycle must be from 1 to {_REDUCTIONS}, not {steps_per_cycle!r}")
-        steps = precision + 6 if iterations is None else operator.index(iterations)
-        if steps < precision + 2:
-            raise ValueError(f"iterations must be at least {precision + 2}, not {iterations!r}")
-        self._cycles = -(-steps // self._steps_per_cycle)
         least = precision + 3
         self._width = max(least, min(least + 4, 61 - self.iterations)) if width is None else operator.index(width)
         if self._width < least:
@@ -114,39 +103,14 @@ class CordicSinCos(wiring.Component):
         self._presets = [round_shift(scaled_reciprocal_gain(i), shift) for i in range(self._last + 1)]
 
     @property
-    def format(self):
-        """Format of operand and results."""
-        return self._format
-
-    @property
     def limit(self):
         """Magnitude, rad, that operands must stay below."""
         return 1 << _REDUCTIONS
 
     @property
-    def width(self):
-        """Fraction bits of the data path."""
-        return self._width
-
-    @property
-    def iterations(self):
-        """CORDIC steps, a multiple of ``steps_per_cycle``."""
-        return self._cycles * self._steps_per_cycle
-
-    @property
-    def steps_per_cycle(self):
-        """Steps done in one clock cycle."""
-        return self._steps_per_cycle
-
-    @property
     def latency(self):
         """Cycles from ``start`` to ``done``: load, reduce, normalise, iterate, round."""
         return 3 + self._reduce_cycles + self._cycles
-
-    @property
-    def interval(self):
-        """Least number of cycles between two starts: a load overlaps with the rounding before it."""
-        return self.latency - 1
 
     @property
     def error_bound(self):
