@@ -18,5 +18,5 @@ def test_parameters_that_an_operator_refuses_are_refused(field):
 
 
 def test_latencies_follow_the_parameters():
-    assert Pool(adder_latency=6).unit("add").latency == 6
-    assert Pool(divider_bits_per_cycle=1).unit("sqrt").latency > Pool(divider_bits_per_cycle=2).unit("sqrt").latency
+    assert Pool(adder_latency=6).operations["add"][0].latency == 6
+    assert Pool(divider_bits_per_cycle=1).operations["sqrt"][0].latency > Pool(divider_bits_per_cycle=2).operations["sqrt"][0].latency

@@ -4,7 +4,6 @@ import pytest
 
 from strapdown.config import THESIS
 from strapdown.cores import ATTITUDE_CORES
-from strapdown.fp import BINARY32
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.schedule import schedule
 from strapdown.kernel.trace import Tracer
@@ -14,7 +13,7 @@ POOL = Pool()
 
 def small_graph():
     """(x·y + x, x·x) from two inputs."""
-    xp = Tracer(BINARY32, ("ONLY",))
+    xp = Tracer(Pool(), ("ONLY",))
     x, y = xp.source("input", "x"), xp.source("input", "y")
     outputs = {"a": xp.settled(x * y + x), "b": xp.settled(x * x)}
     return xp.graph(inputs=("x", "y"), outputs=outputs)
@@ -42,7 +41,7 @@ def test_chain_takes_the_sum_of_its_latencies():
 @pytest.mark.parametrize("pool", [POOL, Pool(adder_latency=6, multiplier_latency=1, divider_bits_per_cycle=1,
                                              arctangent_steps_per_cycle=1)], ids=["default", "other"])
 def test_every_core_has_a_valid_schedule(name, pool):
-    result = schedule(ATTITUDE_CORES[name](THESIS).trace(pool.format), pool)
+    result = schedule(ATTITUDE_CORES[name](THESIS).trace(pool), pool)
     result.verify()
     ends = result.section_ends
     assert list(ends) == sorted(set(ends))
@@ -50,7 +49,7 @@ def test_every_core_has_a_valid_schedule(name, pool):
 
 
 def test_schedule_is_the_same_every_time():
-    first, second = (schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL.format), POOL) for _ in range(2))
+    first, second = (schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), POOL) for _ in range(2))
     assert [(step.unit, step.issue) for step in first.steps] == [(step.unit, step.issue) for step in second.steps]
 
 
@@ -68,7 +67,7 @@ def test_verify_finds_a_read_before_the_write():
 
 
 def test_verify_finds_two_reads_of_one_port():
-    xp = Tracer(BINARY32, ("ONLY",))
+    xp = Tracer(Pool(), ("ONLY",))
     x, y = xp.source("input", "x"), xp.source("input", "y")
     graph = xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(x * y), "b": xp.settled(xp.sqrt(y))})
     result = schedule(graph, POOL)
@@ -78,7 +77,7 @@ def test_verify_finds_two_reads_of_one_port():
 
 
 def test_verify_finds_a_busy_unit():
-    xp = Tracer(BINARY32, ("ONLY",))
+    xp = Tracer(Pool(), ("ONLY",))
     x, y = xp.source("input", "x"), xp.source("input", "y")
     graph = xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(xp.sqrt(x)), "b": xp.settled(xp.sqrt(y))})
     result = schedule(graph, POOL)

@@ -1,13 +1,13 @@
 import pytest
 
 from strapdown.algorithms import vector
-from strapdown.fp import BINARY32
+from strapdown.kernel.pool import Pool
 from strapdown.kernel.trace import Tracer
 
 
 @pytest.fixture
 def xp():
-    return Tracer(BINARY32, ("FIRST", "SECOND"))
+    return Tracer(Pool(), ("FIRST", "SECOND"))
 
 
 def graph(xp, **outputs):

@@ -1,11 +1,10 @@
 import pytest
 
-from strapdown.fp import BINARY32
 from strapdown.kernel.numeric import Float64, Twin
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.trace import Tracer
 
-NAMESPACES = {"trace": lambda: Tracer(BINARY32, ("ONLY",)), "twin": lambda: Twin(Pool())}
+NAMESPACES = {"trace": lambda: Tracer(Pool(), ("ONLY",)), "twin": lambda: Twin(Pool())}
 
 
 @pytest.mark.parametrize("make", NAMESPACES.values(), ids=NAMESPACES)
@@ -16,7 +15,7 @@ def test_truth_of_a_value_is_refused(make):
 
 
 def test_truth_of_a_traced_condition_is_refused():
-    value = Tracer(BINARY32, ("ONLY",)).source("input", "x")
+    value = Tracer(Pool(), ("ONLY",)).source("input", "x")
     with pytest.raises(TypeError, match=r"use xp.select$"):
         bool(value < 1.0)
 

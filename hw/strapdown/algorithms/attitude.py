@@ -9,10 +9,10 @@ come out in degrees.
 import math
 from typing import NamedTuple
 
-from .vector import add, column, cross, dot, length_squared, matrix_vector, permute, scale, transposed_vector
+from .vector import add, column, cross, dot, length_squared, permute, scale, transposed_vector
 
 __all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "quaternion_update",
-           "matrix_from_quaternion", "euler_angles", "attitude_update"]
+           "matrix_from_quaternion", "scaled_matrix", "euler_angles", "attitude_update"]
 
 DEGREES = 180 / math.pi
 
@@ -31,7 +31,7 @@ def accelerometer_error(xp, a, v):
     Returns (e_a, whether ``a`` has no length). The product comes before the division, so that
     square root and division run beside it.
     """
-    square, missing = length_squared(xp, a)
+    square, missing = length_squared(a)
     return scale(1 / xp.sqrt(square), cross(a, v)), missing
 
 
@@ -39,37 +39,43 @@ def magnetometer_error(xp, m, c, axes):
     """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27 to 2.30.
 
     ``m`` is in sensor axes, ``axes`` lays them along the body's. w is proportional to |m|, so
-    e_m is the error of the field as measured, divided once by |m|²: no root, and the division
-    runs beside the rest. Returns (e_m, whether ``m`` has no length).
+    e_m is the error of the field as measured, divided once by |m|²: no root for that, and
+    m × w = bx·(m × c1) + hz·(m × c3), by the columns of C, so that all but the first factor is
+    ready when the root is. Returns (e_m, whether ``m`` has no length).
     """
     m = permute(axes, m)
-    square, missing = length_squared(xp, m)
+    square, missing = length_squared(m)
     h = transposed_vector(c, m)
-    b = (xp.sqrt(dot(h[:2], h[:2])), h[2])
-    w = matrix_vector([(row[0], row[2]) for row in c], b)
-    return scale(1 / square, cross(m, w)), missing
+    north, up = (scale(1 / square, cross(m, column(c, axis))) for axis in (0, 2))
+    return add(scale(xp.sqrt(dot(h[:2], h[:2])), north), scale(h[2], up)), missing
 
 
 def rate_correction(xp, g, e_a, e_m, i, kp, ki_period):
     """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.31.
 
-    Returns (omega, i).
+    Returns (omega, i). omega takes the old i and the gain Kp + Ki·T, which is the same and does
+    not wait for the new one; e_m comes last of all.
     """
-    e = add(e_a, e_m)
-    i = add(i, scale(ki_period, e))
-    return add(add(scale(1 / DEGREES, g), scale(kp, e)), i), i
+    omega = add(scale(1 / DEGREES, g), i)
+    for e in e_a, e_m:
+        omega = add(omega, scale(kp + ki_period, e))
+    return omega, add(i, scale(ki_period, add(e_a, e_m)))
+
+
+def quaternion_step(q, omega, half_period):
+    """q + T/2·q⊗(0, omega), not normalised: eq. 2.42 (third row: + q3·gx)."""
+    (q0, q1, q2, q3), (p0, p1, p2, p3) = q, scale(half_period, q)
+    x, y, z = omega
+    return ((q0 - p1 * x) - (p2 * y + p3 * z),
+            (q1 + p0 * x) + (p2 * z - p3 * y),
+            (q2 + p0 * y) - (p1 * z - p3 * x),
+            (q3 + p0 * z) + (p1 * y - p2 * x))
 
 
 def quaternion_update(xp, q, omega, half_period):
-    """q := q + T/2·q⊗(0, omega), then q := q/|q|: INS_quat, eq. 2.42 (third row: + q3·gx) and 2.45."""
-    (q0, q1, q2, q3), (p0, p1, p2, p3) = q, scale(half_period, q)
-    x, y, z = omega
-    q = ((q0 - p1 * x) - (p2 * y + p3 * z),
-         (q1 + p0 * x) + (p2 * z - p3 * y),
-         (q2 + p0 * y) - (p1 * z - p3 * x),
-         (q3 + p0 * z) + (p1 * y - p2 * x))
-    square, _ = length_squared(xp, q)
-    return scale(1 / xp.sqrt(square), q)
+    """q := q + T/2·q⊗(0, omega), then q := q/|q|: INS_quat, eq. 2.42 and 2.45."""
+    q = quaternion_step(q, omega, half_period)
+    return scale(1 / xp.sqrt(dot(q, q)), q)
 
 
 def matrix_from_quaternion(xp, q):
@@ -81,35 +87,53 @@ def matrix_from_quaternion(xp, q):
             (d1 * q3 + d0 * q2, d2 * q3 - d0 * q1, 1 - (d1 * q1 + d2 * q2)))
 
 
-def euler_angles(xp, c11, c12, c13, c23, c33):
+def scaled_matrix(q):
+    """|q|²·C as rows, and |q|², from q of any length: eq. 2.34 in its homogeneous form."""
+    q0, q1, q2, q3 = q
+    s0, s1, s2, s3 = (x * x for x in q)
+
+    def twice(x):
+        return x + x
+
+    return (((s0 + s1) - (s2 + s3), twice(q1 * q2 + q0 * q3), twice(q1 * q3 - q0 * q2)),
+            (twice(q1 * q2 - q0 * q3), (s0 - s1) + (s2 - s3), twice(q2 * q3 + q0 * q1)),
+            (twice(q1 * q3 + q0 * q2), twice(q2 * q3 - q0 * q1), (s0 - s1) - (s2 - s3))), (s0 + s1) + (s2 + s3)
+
+
+def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
     """Pitch, roll and yaw (Z-Y-X) in degrees from elements of C_n^b: INS_euler, table 5-6.
 
-    pitch = atan2(-c13, sqrt(1 - c13²)), roll = atan2(c23, c33), yaw = atan2(c12, c11) in
-    [0, 360). The root's argument is held at zero or above, for gimbal lock and for a c13 that
-    rounding took past one. A yaw less than 2**-15 degrees below zero is zero: plus 360 it would
-    round to 360.
+    pitch = atan2(-c13, cosine) with cosine = sqrt(1 - c13²) = sqrt(c23² + c33²), roll =
+    atan2(c23, c33), yaw = atan2(c12, c11) in [0, 360). All arguments may have a common positive
+    factor. A yaw less than 2**-15 degrees below zero is zero: plus 360 it would round to 360.
     """
-    cosine = xp.sqrt(xp.maximum(1 - c13 * c13, 0.0))
+    pitch = DEGREES * xp.atan2(-c13, cosine)
     yaw = DEGREES * xp.atan2(c12, c11)
     roll = DEGREES * xp.atan2(c23, c33)
-    pitch = DEGREES * xp.atan2(-c13, cosine)
     yaw = xp.select(yaw + 2.0**-15 < 0.0, yaw + 360, xp.maximum(yaw, 0.0))
     return pitch, roll, yaw
 
 
 def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
-    """One update of INS_top, its stages in the order of the thesis's state machine."""
+    """One update of INS_top, its stages in the order of the thesis's state machine.
+
+    The new quaternion is normalised beside the way to the angles and not on it: these want only
+    the directions of |q|²·C.
+    """
     with xp.section("ACC_MAG"):
         e_a, accelerometer_missing = accelerometer_error(xp, a, column(c, 2))
         e_m, magnetometer_missing = magnetometer_error(xp, m, c, axes)
     with xp.section("GYRO"):
         omega, i = rate_correction(xp, g, e_a, e_m, i, kp, ki * period)
     with xp.section("QUAT"):
-        q = quaternion_update(xp, q, omega, period / 2)
+        q = quaternion_step(q, omega, period / 2)
     with xp.section("MATX"):
-        c = matrix_from_quaternion(xp, q)
+        s, square = scaled_matrix(q)
+        reciprocal = 1 / square
+        q = scale(xp.sqrt(reciprocal), q)
+        c = tuple(scale(reciprocal, row) for row in s)
     with xp.section("EULER"):
-        angles = euler_angles(xp, c[0][0], c[0][1], c[0][2], c[1][2], c[2][2])
+        angles = euler_angles(xp, s[0][0], s[0][1], s[0][2], xp.sqrt(dot((s[1][2], s[2][2]), (s[1][2], s[2][2]))), s[1][2], s[2][2])
     return Update(
         outputs={"c": c, "angles": angles},
         state={"q": q, "c": c, "i": i},

@@ -8,9 +8,9 @@ __all__ = ["SHORTEST_SQUARE", "add", "scale", "dot", "cross", "length_squared", 
            "transposed_vector", "permute"]
 
 SHORTEST_SQUARE = 2.0**-100
-"""Least squared length that counts: a vector shorter than 2**-50 (of whatever unit) has no
-direction. Dividing by at least this keeps every quotient finite, and takes a vector of length
-zero to a correction of zero."""
+"""Added to a squared length before it divides: a vector shorter than 2**-50 (of whatever unit) has
+no direction. This keeps every quotient finite, takes a vector of length zero to a correction of
+zero, and is less than half a unit in the last place of any square from 2**-75 on."""
 
 
 def add(a, b):
@@ -37,10 +37,11 @@ def cross(a, b):
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-def length_squared(xp, a):
-    """Squared length, not below ``SHORTEST_SQUARE``, and whether it was: (square, is_missing)."""
-    square = dot(a, a)
-    return xp.maximum(square, SHORTEST_SQUARE), square < SHORTEST_SQUARE
+def length_squared(a):
+    """Squared length of three components plus ``SHORTEST_SQUARE``, and whether it is the lesser: (square, is_missing)."""
+    x, y, z = a
+    square = (x * x + y * y) + (z * z + SHORTEST_SQUARE)
+    return square, square < 2 * SHORTEST_SQUARE
 
 
 def column(c, index):

@@ -112,7 +112,10 @@ def ins_matx(config):
 def ins_euler(config):
     """System of INS_euler."""
     def equations(xp, c):
-        return Update({"angles": attitude.euler_angles(xp, *c)})
+        c11, c12, c13, c23, c33 = c
+        # Held at zero or above: rounding may take c13 past one.
+        cosine = xp.sqrt(xp.maximum(1 - c13 * c13, 0.0))
+        return Update({"angles": attitude.euler_angles(xp, c11, c12, c13, cosine, c23, c33)})
 
     return System(
         "INS_euler", "pitch, roll and yaw from the matrix", equations,

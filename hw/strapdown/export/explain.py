@@ -28,7 +28,7 @@ def explain_cycle(program, cycle):
     for verb, steps in ("starts", started[cycle]), ("writes", written[cycle]):
         for step in steps:
             what = _operation(program, step) if verb == "starts" else f"{_place(program, step.node)} := {step.node}"
-            yield f"  {verb} {step.unit}: {what}  (issued in cycle {step.issue}, written in cycle {step.write})"
+            yield f"  {verb} {step.unit}: {what}  (issued in cycle {step.issue}, there in cycle {step.write})"
             for origin in step.node.origin:
                 yield f"    {origin}"
 
@@ -37,8 +37,8 @@ def explain_line(program, file, line):
     """Lines for every operation that comes from a line of a kernel."""
     for step in program.schedule.steps:
         if any(origin.file.endswith(f"/{file}") and origin.line == line for origin in step.node.origin):
-            yield (f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)}"
-                   f" -> {_place(program, step.node)}")
+            place = _place(program, step.node) if step.stored else "its reader"
+            yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {place}"
 
 
 def _kernel_line(node):
@@ -51,16 +51,22 @@ def _by_cycle(program):
     for step in program.schedule.steps:
         if step.unit != "input":
             started[step.issue].append(step)
-        written[step.write].append(step)
+        if step.stored:
+            written[step.write].append(step)
     return started, written
 
 
 def _operation(program, step):
     if step.node.operation == "state":
         return f"copy {program.schedule.graph.state[step.node.label]:g}"
-    operands = ", ".join(("-" if operand.negated else "") + _place(program, operand.node)
+    operands = ", ".join(("-" if operand.negated else "") + _source(program, step, operand)
                          for operand in step.node.operands)
     return f"{step.node.operation} {operands}"
+
+
+def _source(program, step, operand):
+    source = program.operand_source(step, operand)
+    return _place(program, operand.node) if source == "memory" else f"<{source}>"
 
 
 def _place(program, node):

@@ -2,6 +2,8 @@
 
 import inspect
 import json
+from dataclasses import fields
+from enum import Enum
 from importlib.metadata import version
 from textwrap import wrap
 
@@ -98,13 +100,11 @@ def ports(core):
 
 def configuration(config):
     """A configuration as plain JSON values."""
-    pool = config.pool
+    pool = {field.name: getattr(config.pool, field.name) for field in fields(config.pool)}
     return {
         **{field: getattr(config, field) for field in type(config).model_fields if field != "pool"},
-        "format": pool.format.name, "subnormals": pool.format.subnormals.value,
-        "adder_latency": pool.adder_latency, "multiplier_latency": pool.multiplier_latency,
-        "divider_bits_per_cycle": pool.divider_bits_per_cycle,
-        "arctangent_steps_per_cycle": pool.arctangent_steps_per_cycle}
+        **{name: value.value if isinstance(value, Enum) else value for name, value in pool.items()},
+        "format": config.pool.format.name, "subnormals": config.pool.format.subnormals.value}
 
 
 def versions():

@@ -6,6 +6,7 @@ from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from .microprogram import Microprogram
+from .pool import MemoryStyle
 from .schedule import schedule
 
 __all__ = ["Engine"]
@@ -48,7 +49,7 @@ class Engine(wiring.Component):
 
     def __init__(self, system, pool):
         self._system = system
-        self._program = Microprogram(schedule(system.trace(pool.format), pool))
+        self._program = Microprogram(schedule(system.trace(pool), pool))
         width, encode = pool.format.width, pool.format.encode
         members = {system.start: In(1), system.finish: Out(1)}
         members |= {port: In(width) for port in system.input_ports}
@@ -77,7 +78,7 @@ class Engine(wiring.Component):
     @property
     def latency(self):
         """Cycles from the edge that takes ``start`` to the one that raises ``finish``."""
-        return self._program.length + 1
+        return self._program.length + 2
 
     @property
     def state_names(self):
@@ -95,28 +96,43 @@ class Engine(wiring.Component):
         number = program.format.layout
         start, finish = getattr(self, self._system.start), getattr(self, self._system.finish)
 
-        # Sequencer. The program counter runs one word ahead of the word that is out: the ROM
-        # registers its output, and word 0 is out whenever the engine is idle.
+        # Sequencer. Words take two steps from the ROM: ``fetched`` is the word after ``word``, and
+        # the program counter is one ahead of that. While the engine is idle the first word waits
+        # in ``fetched``, and nothing but zeros in ``word``.
         IDLE, END = 0, len(self.state_names) - 1
         state = Signal(range(END + 1), init=IDLE)
-        counter = Signal(range(program.length))
+        counter, primed = Signal(range(program.length)), Signal(name="primed")
         idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
-        m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END),
-                     running.eq(~(idle | ending))]
-        m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words)
+        m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END), running.eq(~(idle | ending))]
+        pool = program.schedule.pool
+        m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
+                                              attrs={"rom_style": pool.microcode.value})
         fetch = rom.read_port()
-        word = Signal(program.layout)
-        last = Signal()
-        m.d.comb += [fetch.addr.eq(counter), fetch.en.eq(~last), word.eq(fetch.data),
-                     last.eq(word.advance & (state == END - 1))]
-        taken = Signal(name="taken")
-        m.d.comb += taken.eq(idle & start)
+        fetched, word = Signal(program.layout), Signal(program.layout)
+        last, taken = Signal(name="last"), Signal(name="taken")
+        m.d.comb += [fetch.addr.eq(counter), fetched.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
+                     fetch.en.eq((running & ~last) | ~primed), taken.eq(idle & start)]
+        m.d.sync += primed.eq(1)
+        with m.If(fetch.en):
+            m.d.sync += counter.eq(Mux(counter == program.length - 1, 0, counter + 1))
         with m.If(taken):
-            m.d.sync += [state.eq(state + 1), counter.eq(1), finish.eq(0)]
+            m.d.sync += [state.eq(state + 1), finish.eq(0)]
         with m.Elif(ending):
             m.d.sync += [state.eq(IDLE), finish.eq(1)]
         with m.Elif(running):
-            m.d.sync += [counter.eq(Mux(last, 0, counter + 1)), state.eq(state + word.advance)]
+            m.d.sync += state.eq(state + word.advance)
+
+        # Addresses of the state turn with the bank, and what restores the state acts only after a
+        # reset: settled before ``word``, since neither changes during an update.
+        bank, fresh = Signal(name="bank"), Signal(name="fresh", init=1)
+        settled = Signal(program.layout)
+        m.d.comb += settled.eq(fetched)
+        if graph.state:
+            for path in program.address_fields:
+                read, turned = (_field(fields, path).address for fields in (fetched, settled))
+                m.d.comb += turned.eq(read ^ (bank & (read < program.state_words)))
+            m.d.comb += settled.write.enable.eq(fetched.write.enable & (fresh | ~fetched.write.restore))
+        m.d.sync += word.eq(Mux(running & ~last, settled, 0))
 
         # Inputs, as they were at the edge that took the start.
         captured = [Signal(program.format.width, name=f"{port}_q", reset_less=True) for port in graph.inputs]
@@ -125,60 +141,63 @@ class Engine(wiring.Component):
                          for register, port in zip(captured, graph.inputs, strict=True)]
 
         # Operand memory: read before the edge, written at it, so ports need not be transparent.
-        m.submodules.operands = operands = Memory(shape=program.format.width, depth=program.depth, init=program.initial)
-        bank, fresh = Signal(name="bank"), Signal(name="fresh", init=1)
-
-        def physical(address, name):
-            if not graph.state:
-                return address
-            banked = Signal.like(address, name=name)
-            m.d.comb += banked.eq(address ^ (bank & (address < program.state_words)))
-            return banked
-
-        reads = {}
-        for port in program.read_ports:
-            fields = word[f"port{port}"]
-            for side in "ab":
-                read = operands.read_port(domain="comb")
-                operand = Signal(number, name=f"port{port}_{side}")
-                m.d.comb += [read.addr.eq(physical(fields[side], f"port{port}_{side}_address")),
-                             operand.eq(read.data ^ (fields[f"negate_{side}"] << (program.format.width - 1)))]
-                reads[port, side] = operand
-
-        # Operators.
+        # Operands are registered, from memory or straight from where a result comes out.
+        m.submodules.operands = operands = Memory(shape=program.format.width, depth=program.depth, init=program.initial,
+                                                  attrs={"ram_style": pool.operand_memory.value})
+        bus = Signal(number)
         components = {unit.name: unit.make() for unit in program.units}
         results = {name: Signal(number, name=f"{name}_result") for name in components}
+        forwarded = {"bus": bus, **results}
+        ports = {}
+        for port in program.read_ports:
+            for side in "ab":
+                fields = word[f"port{port}"][side]
+                read = operands.read_port(domain="sync" if pool.operand_memory is MemoryStyle.BLOCK else "comb")
+                operand = Signal(number, name=f"port{port}_{side}", reset_less=True)
+                m.d.comb += read.addr.eq(fields.address)
+                choice = Array([read.data, *(Value.cast(forwarded[name]) for name in program.operand_sources[1:])])
+                m.d.sync += operand.eq(choice[fields.source] ^ (fields.negate << (program.format.width - 1)))
+                ports[port, side] = operand
+
+        # Operators.
         for unit in program.units:
             m.submodules[unit.name] = component = components[unit.name]
             m.d.comb += results[unit.name].eq(component.result)
             begin = Signal(name=f"{unit.name}_start")
-            m.d.comb += [begin.eq(running & word.start[unit.name]), component.start.eq(begin)]
+            m.d.sync += begin.eq(word.start[unit.name])
+            m.d.comb += component.start.eq(begin)
             for member, side in zip(unit.operands, "ab", strict=True):
-                m.d.comb += getattr(component, member).eq(reads[unit.read_port, side])
+                m.d.comb += getattr(component, member).eq(ports[unit.read_port, side])
             for mode in unit.modes.values():
-                m.d.comb += getattr(component, mode).eq(word.mode[mode])
+                chosen = Signal(name=f"{unit.name}_{mode}", reset_less=True)
+                m.d.sync += chosen.eq(word.mode[f"{unit.name}_{mode}"])
+                m.d.comb += getattr(component, mode).eq(chosen)
 
         # Result bus: one result a cycle, to the memory and to whoever waits for it.
-        bus = Signal(number)
         results["input"] = Array(captured)[word.input] if len(captured) > 1 else captured[0]
         with m.Switch(word.write.source):
             for index, source in enumerate(program.sources):
                 with m.Case(index):
                     m.d.comb += bus.eq(results[source])
-        writes = Signal()
-        m.d.comb += writes.eq(running & word.write.enable)
+        writes = word.write.enable
         write = operands.write_port()
-        m.d.comb += [write.addr.eq(physical(word.write.address, "write_address")), write.data.eq(bus),
-                     write.en.eq(writes & (fresh | ~word.write.restore) if graph.state else writes)]
+        m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(writes)]
 
         # Conditions: the sign of a value, by its address.
-        if "selector" in program.sources:
+        if "selector" in components:
             m.submodules.signs = signs = Memory(shape=1, depth=program.depth,
                                                 init=[word >> (program.format.width - 1) for word in program.initial])
             sign_write, sign_read = signs.write_port(), signs.read_port(domain="comb")
+            condition = Signal(reset_less=True)
             m.d.comb += [sign_write.addr.eq(write.addr), sign_write.data.eq(bus.sign), sign_write.en.eq(write.en),
-                         sign_read.addr.eq(physical(word.condition.address, "condition_address")),
-                         components["selector"].condition.eq(sign_read.data ^ word.condition.negate)]
+                         sign_read.addr.eq(word.condition.address), components["selector"].condition.eq(condition)]
+            m.d.sync += condition.eq(sign_read.data ^ word.condition.negate)
+
+        def written(node):
+            """Whether a node's value is on the bus, on its way to memory."""
+            address = program.addresses[node]
+            turned = C(address, word.write.address.shape())
+            return writes & (word.write.address == (turned ^ bank if address < program.state_words else turned))
 
         # Outputs wait beside the stage; END shows them all at once, and turns the banks.
         commit = Signal()
@@ -186,7 +205,7 @@ class Engine(wiring.Component):
         m.d.comb += commit.eq(ending & ~refused)
         for port, node in graph.outputs.items():
             waiting = Signal(program.format.width, name=f"{port}_d", reset_less=True)
-            with m.If(writes & (word.write.address == program.addresses[node])):
+            with m.If(written(node)):
                 m.d.sync += waiting.eq(bus)
             with m.If(commit):
                 m.d.sync += getattr(self, port).eq(waiting)
@@ -203,7 +222,7 @@ class Engine(wiring.Component):
             status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
             for name, condition in graph.status.items():
                 flag = Signal(name=name)
-                with m.If(writes & (word.write.address == program.addresses[condition.node])):
+                with m.If(written(condition.node)):
                     m.d.sync += flag.eq(bus.sign ^ condition.negated)
                 with m.If(ending):
                     m.d.sync += status[name].eq(flag & ~refused)
@@ -212,3 +231,9 @@ class Engine(wiring.Component):
             with m.If(start):
                 m.d.sync += status[IGNORED].eq(~idle)
         return m
+
+
+def _field(fields, path):
+    for name in path:
+        fields = fields[name]
+    return fields

@@ -48,7 +48,27 @@ class Microprogram:
     @cached_property
     def sources(self):
         """What can be put on the result bus: the units' names, and "input"."""
-        return (*(unit.name for unit in self.units), "input")
+        seen = {step.unit for step in self.schedule.steps if self.schedule.on_bus(step)}
+        return tuple(name for name in (*(unit.name for unit in self.units), "input") if name in seen)
+
+    @cached_property
+    def operand_sources(self):
+        """Where an operand can come from: "memory", the pipelined units whose results are taken as they
+        come out, and "bus" for all other results."""
+        found = {self.operand_source(step, operand) for step in self.schedule.steps
+                 for operand in step.node.operands[:2]} - {"memory"}
+        return ("memory", *(name for name in (*(unit.name for unit in self.units), "bus") if name in found))
+
+    def operand_source(self, step, operand):
+        """One of ``operand_sources``: where ``step`` takes an operand from."""
+        if not self.schedule.forwarded(step, operand):
+            return "memory"
+        producer = self._unit_of[operand.node]
+        return producer if producer in self.schedule.direct else "bus"
+
+    @cached_property
+    def _unit_of(self):
+        return {step.node: step.unit for step in self.schedule.steps}
 
     @cached_property
     def read_ports(self):
@@ -84,11 +104,12 @@ class Microprogram:
         last_read: dict[Node, int] = defaultdict(int)
         for step in self.schedule.steps:
             for operand in step.node.operands:
-                last_read[operand.node] = max(last_read[operand.node], step.issue)
+                if not self.schedule.forwarded(step, operand):
+                    last_read[operand.node] = max(last_read[operand.node], step.issue)
         free_from: list[int] = []
         base = self.state_words + len(self.constants)
         for step in sorted(self.schedule.steps, key=lambda step: step.write):
-            if step.node in addresses:
+            if step.node in addresses or not step.stored:
                 continue
             # An address may be written in the very cycle of its last read.
             slot = next((slot for slot, free in enumerate(free_from) if free <= step.write), len(free_from))
@@ -122,13 +143,14 @@ class Microprogram:
     def layout(self):
         """Layout of a word."""
         address = unsigned((self.depth - 1).bit_length())
-        modes = [mode for unit in self.units for mode in unit.modes.values()]
-        fields: dict = {f"port{port}": data.StructLayout({"a": address, "b": address, "negate_a": 1, "negate_b": 1})
-                  for port in self.read_ports}
+        modes = [f"{unit.name}_{mode}" for unit in self.units for mode in unit.modes.values()]
+        operand = data.StructLayout({
+            "address": address, "negate": 1, "source": unsigned((len(self.operand_sources) - 1).bit_length())})
+        fields: dict = {f"port{port}": data.StructLayout({"a": operand, "b": operand}) for port in self.read_ports}
         fields["start"] = data.StructLayout({unit.name: 1 for unit in self.units})
         if modes:
             fields["mode"] = data.StructLayout(dict.fromkeys(modes, 1))
-        if "selector" in self.sources:
+        if any(unit.name == "selector" for unit in self.units):
             fields["condition"] = data.StructLayout({"address": address, "negate": 1})
         inputs = unsigned(max(1, (len(self.schedule.graph.inputs) - 1).bit_length()))
         fields |= {
@@ -139,6 +161,13 @@ class Microprogram:
         }
         return data.StructLayout(fields)
 
+    @property
+    def address_fields(self):
+        """Paths of those parts of ``layout`` that have an ``address`` in the operand memory."""
+        operands = [(f"port{port}", side) for port in self.read_ports for side in "ab"]
+        conditions = [("condition",)] if "condition" in self.layout.members else []
+        return (*operands, *conditions, ("write",))
+
     @cached_property
     def words(self):
         """The program: one dict, nested as ``layout``, a cycle."""
@@ -147,25 +176,34 @@ class Microprogram:
         graph = self.schedule.graph
         for step in self.schedule.steps:
             issue, write = words[step.issue], words[step.write]
-            write["write"] = {"enable": 1, "restore": int(step.node.operation == "state"),
-                              "source": self.sources.index(step.unit), "address": self.addresses[step.node]}
+            if self.schedule.on_bus(step):
+                write["write"] = {"source": self.sources.index(step.unit)}
+            if step.stored:
+                write["write"] |= {"enable": 1, "restore": int(step.node.operation == "state"),
+                                   "address": self.addresses[step.node]}
             if step.unit == "input":
                 issue["input"] = graph.inputs.index(step.node.label)
                 continue
             unit = units[step.unit]
             issue.setdefault("start", {})[unit.name] = 1
             if step.node.operation in unit.modes:
-                issue.setdefault("mode", {})[unit.modes[step.node.operation]] = 1
+                issue.setdefault("mode", {})[f"{unit.name}_{unit.modes[step.node.operation]}"] = 1
             if step.node.operation == "state":
-                operands = [(self.constants[graph.state[step.node.label]], False)]
+                operands = [("memory", self.constants[graph.state[step.node.label]], False)]
             else:
-                operands = [(self.addresses[operand.node], operand.negated) for operand in step.node.operands]
+                operands = [(self.operand_source(step, operand), self.addresses.get(operand.node), operand.negated)
+                            for operand in step.node.operands]
             # A single operand goes to both ports, which makes a copy of a choice.
-            first, second = operands[0], operands[min(1, len(operands) - 1)]
-            issue[f"port{unit.read_port}"] = {"a": first[0], "negate_a": first[1],
-                                              "b": second[0], "negate_b": second[1]}
+            for side, operand in zip("ab", (operands[0], operands[min(1, len(operands) - 1)]), strict=True):
+                source, address, negated = operand
+                fields = issue.setdefault(f"port{unit.read_port}", {}).setdefault(side, {})
+                fields |= {"negate": int(negated), "source": self.operand_sources.index(source)}
+                if source == "memory":
+                    early = words[step.issue - (self.schedule.pool.memory_delay - 1)]
+                    early.setdefault(f"port{unit.read_port}", {}).setdefault(side, {})["address"] = address
             if len(operands) == 3:
-                issue["condition"] = {"address": operands[2][0], "negate": operands[2][1]}
+                _, address, negated = operands[2]
+                issue["condition"] = {"address": address, "negate": int(negated)}
         for end in self.schedule.section_ends:
             words[end]["advance"] = 1
         return words

@@ -41,43 +41,27 @@ class Twin(Namespace):
     """
 
     def __init__(self, pool):
-        self._pool = pool
-        self._format = pool.format
+        super().__init__(pool)
         self.finite = np.True_
 
     def lift(self, number):
         """A scalar of the kernel from an array over samples, or from a number."""
-        return TwinValue(self, self._format.array(number))
+        return TwinValue(self, self.pool.format.array(number))
 
     def negate(self, a):
         return TwinValue(self, -a.array)
 
-    def add(self, a, b):
-        return self._apply("add", a, b)
-
-    def multiply(self, a, b):
-        return self._apply("multiply", a, b)
-
-    def divide(self, a, b):
-        return self._apply("divide", a, b)
-
-    def sqrt(self, a):
-        return self._apply("sqrt", self.lift_value(a))
-
-    def atan2(self, y, x):
-        return self._apply("atan2", self.lift_value(y), self.lift_value(x))
+    def apply(self, operation, *operands):
+        result = self.pool.compute(operation, *(operand.array for operand in operands))
+        self.finite = self.finite & np.isfinite(result)
+        return TwinValue(self, result)
 
     def is_negative(self, a):
         return np.signbit(a.array)
 
     def select(self, condition, a, b):
         a, b = self.lift_value(a), self.lift_value(b)
-        return TwinValue(self, self._pool.compute("select", a.array, b.array, condition))
-
-    def _apply(self, operation, *operands):
-        result = self._pool.compute(operation, *(operand.array for operand in operands))
-        self.finite = self.finite & np.isfinite(result)
-        return TwinValue(self, result)
+        return TwinValue(self, self.pool.compute("select", a.array, b.array, condition))
 
 
 class TwinValue(Value):

@@ -2,6 +2,8 @@
 # Units are also made for their latency and their twin alone.
 """The pool of operators that an engine computes with."""
 
+import enum
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -10,7 +12,7 @@ from typing import Any
 from strapdown.cordic import CordicAtan2
 from strapdown.fp import BINARY32, FloatFormat, FpAdd, FpDivideSquareRoot, FpMultiply, FpSelect, Subnormals
 
-__all__ = ["Pool", "Unit"]
+__all__ = ["MemoryStyle", "Pool", "Unit"]
 
 FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 
@@ -33,6 +35,8 @@ class Unit:
         Members that take the first and second operand.
     modes : dict
         Kernel operation to the member that is high for it.
+    forwards : bool
+        Whether its results can be operands of the next operation as they come out.
     latency, interval : int
         Cycles from start to result, and between two starts.
     """
@@ -43,6 +47,7 @@ class Unit:
     read_port: int
     operands: tuple[str, str] = ("a", "b")
     modes: dict[str, str] = field(default_factory=dict)
+    forwards: bool = False
     latency: int = field(init=False)
     interval: int = field(init=False)
 
@@ -52,60 +57,117 @@ class Unit:
         object.__setattr__(self, "interval", model.interval)
 
 
+class MemoryStyle(enum.Enum):
+    """What a memory of the engine is made of."""
+
+    DISTRIBUTED = "distributed"
+    """LUTs: read without a clock edge."""
+    BLOCK = "block"
+    """Block RAM: an operand's address goes out a cycle earlier."""
+
+
 @dataclass(frozen=True)
 class Pool:
-    """Which operators an engine has and how deep they are.
+    """Which operators an engine has, how deep they are, and how they are fed.
 
     Parameters
     ----------
     format : FloatFormat
         Format of all numbers.
+    adders, multipliers, dividers, arctangents : int
+        How many of each. Without an arctangent, atan2 is computed by the others.
     adder_latency, multiplier_latency : int
         Register ranks of the pipelined operators.
     divider_bits_per_cycle : int
         Result bits that the iterative division and square root find in a cycle.
     arctangent_steps_per_cycle : int
         CORDIC steps in a cycle.
+    forwarding : bool
+        Whether a result can be an operand as it comes out, without a way through the memory.
+    private_ports : bool
+        Whether every adder and every multiplier has a pair of read ports to itself.
+    operand_memory, microcode : MemoryStyle
+        What the two memories are made of.
 
-    Raises: TypeError and ValueError for parameters that an operator refuses.
+    Raises: TypeError and ValueError for parameters that an operator refuses, and for counts
+    below one.
     """
 
     format: FloatFormat = FLUSHED32
+    adders: int = 1
     adder_latency: int = 4
+    multipliers: int = 1
     multiplier_latency: int = 3
+    dividers: int = 1
     divider_bits_per_cycle: int = 2
+    arctangents: int = 1
     arctangent_steps_per_cycle: int = 2
+    forwarding: bool = True
+    private_ports: bool = True
+    operand_memory: MemoryStyle = MemoryStyle.DISTRIBUTED
+    microcode: MemoryStyle = MemoryStyle.BLOCK
 
     def __post_init__(self):
+        for name, least in ("adders", 1), ("multipliers", 1), ("dividers", 1), ("arctangents", 0):
+            if (count := operator.index(getattr(self, name))) < least:
+                raise ValueError(f"{name} must be at least {least}, not {count!r}")
         _ = self.units  # each operator checks its parameters
+
+    @property
+    def memory_delay(self):
+        """Least number of cycles between a result and an operand that comes from memory."""
+        return 2 if self.operand_memory is MemoryStyle.BLOCK else 1
 
     @cached_property
     def units(self):
         """All units of the pool, a tuple of Unit.
 
-        Additions are on nearly every path, so the adder has a pair of read ports to itself but
-        for the selector, which is seldom used.
+        Additions are on nearly every path, so an adder shares its pair of read ports with none but the
+        selector, which is seldom used; whatever is iterative shares that of a multiplier.
         """
-        adder = partial(FpAdd, self.format, latency=self.adder_latency)
-        multiplier = partial(FpMultiply, self.format, latency=self.multiplier_latency)
         divider = partial(FpDivideSquareRoot, self.format, bits_per_cycle=self.divider_bits_per_cycle)
         arctangent = partial(CordicAtan2, self.format, steps_per_cycle=self.arctangent_steps_per_cycle)
-        selector = partial(FpSelect, self.format)
         divide_square_root = divider().compute
-        return (
-            Unit("adder", adder, {"add": adder().compute}, read_port=0),
-            Unit("multiplier", multiplier, {"multiply": multiplier().compute}, read_port=1),
-            Unit("divider", divider, {"divide": lambda a, b: divide_square_root(a, b, False),
-                                      "sqrt": lambda a: divide_square_root(a, a, True)},
-                 read_port=1, modes={"sqrt": "square_root"}),
-            Unit("arctangent", arctangent, {"atan2": arctangent().compute}, read_port=1, operands=("y", "x")),
-            Unit("selector", selector, {"select": FpSelect.compute, "copy": lambda a: a}, read_port=0),
-        )
+        units = [
+            *self._pipelined("adder", "add", self.adders, 0, partial(FpAdd, self.format, latency=self.adder_latency)),
+            *self._pipelined("multiplier", "multiply", self.multipliers, self.adders,
+                             partial(FpMultiply, self.format, latency=self.multiplier_latency))]
+        iterative = 0
+        for name in _numbered("divider", self.dividers):
+            units.append(Unit(name, divider, {"divide": lambda a, b: divide_square_root(a, b, False),
+                                              "sqrt": lambda a: divide_square_root(a, a, True)},
+                              read_port=self._port(self.adders + iterative % self.multipliers),
+                              modes={"sqrt": "square_root"}))
+            iterative += 1
+        for name in _numbered("arctangent", self.arctangents):
+            units.append(Unit(name, arctangent, {"atan2": arctangent().compute}, operands=("y", "x"),
+                              read_port=self._port(self.adders + iterative % self.multipliers)))
+            iterative += 1
+        units.append(Unit("selector", partial(FpSelect, self.format),
+                          {"select": FpSelect.compute, "copy": lambda a: a}, read_port=0))
+        return tuple(units)
 
-    def unit(self, operation):
-        """The unit that computes ``operation``."""
-        return next(unit for unit in self.units if operation in unit.operations)
+    def _pipelined(self, name, operation, count, first_port, make):
+        twin = make().compute
+        return [Unit(unit, make, {operation: twin}, read_port=self._port(first_port + index), forwards=self.forwarding)
+                for index, unit in enumerate(_numbered(name, count))]
+
+    def _port(self, index):
+        return index if self.private_ports else 0
+
+    @cached_property
+    def operations(self):
+        """Kernel operation to the units that can compute it."""
+        operations: dict[str, list[Unit]] = {}
+        for unit in self.units:
+            for operation in unit.operations:
+                operations.setdefault(operation, []).append(unit)
+        return operations
 
     def compute(self, operation, *arrays):
-        """What the unit of ``operation`` makes of arrays of the format's dtype, bit for bit."""
-        return self.unit(operation).operations[operation](*arrays)
+        """What the units of ``operation`` make of arrays of the format's dtype, bit for bit."""
+        return self.operations[operation][0].operations[operation](*arrays)
+
+
+def _numbered(name, count):
+    return [name] if count == 1 else [f"{name}_{index}" for index in range(count)]

@@ -1,7 +1,10 @@
-"""When each operation starts and when its result is written."""
+"""When each operation starts, when its result is there, and whether memory has to keep it."""
 
+import random
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
+from heapq import heapify, heappop, heappush
 
 from .pool import Pool
 from .trace import Graph, Node
@@ -15,14 +18,16 @@ class Step:
 
     ``unit`` is the unit that computes it; "input" for an input port, put on the result bus as
     it is; for a state word, the unit that puts its reset value back (written only in the first
-    update after a reset). ``issue`` is the cycle in which operands are read, ``write`` the one
-    in which the result is on the result bus; it can be read from the next cycle on.
+    update after a reset). In cycle ``issue`` its operands are fetched, from memory or straight
+    from the unit whose result is there in that very cycle; ``write`` is the cycle in which its
+    own result is there. ``stored`` tells whether it then goes over the result bus into memory.
     """
 
     node: Node
     unit: str
     issue: int
     write: int
+    stored: bool = True
 
 
 @dataclass(frozen=True)
@@ -58,37 +63,73 @@ class Schedule:
             ends.append(end)
         return (*ends[:-1], self.length - 1)
 
+    @cached_property
+    def written(self):
+        """Node to the cycle in which its result is there."""
+        return {step.node: step.write for step in self.steps}
+
+    def forwarded(self, step, operand):
+        """Whether ``step`` takes an operand straight from where it comes out, and not from memory."""
+        return operand.node.operation != "state" and self.written.get(operand.node) == step.issue
+
+    @cached_property
+    def direct(self):
+        """Names of the units whose results can be operands without the result bus."""
+        return {unit.name for unit in self.pool.units if unit.forwards}
+
+    def on_bus(self, step):
+        """Whether a step's result goes over the result bus."""
+        return step.stored or step.unit not in self.direct
+
+    @cached_property
+    def bounds(self):
+        """Cycles that no schedule can do without: "dependences", and each resource that is used up to.
+
+        The bound of a resource counts the cycles it is taken for, and the shortest way to and from it.
+        """
+        return _Table(self.graph, self.pool).bounds()
+
     def verify(self):
         """Raise AssertionError unless the schedule is one that the engine can run."""
         units = {unit.name: unit for unit in self.pool.units}
-        written = {step.node: step.write for step in self.steps}
+        written = self.written
         assert len(written) == len(self.steps), "a node is scheduled twice"
         assert set(written) == {node for node in self.graph.nodes if node.operation != "constant"}, "a node is missing"
         for resource, uses in (
-                ("result bus", [step.write for step in self.steps]),
+                ("result bus", [step.write for step in self.steps if self.on_bus(step)]),
                 ("read port", [(units[step.unit].read_port, step.issue) for step in self.steps if step.unit in units])):
             busiest, count = Counter(uses).most_common(1)[0]
             assert count == 1, f"{resource} {busiest} is used {count} times"
+        stored = {step.node for step in self.steps if step.stored}
+        kept = {*self.graph.outputs.values(), *self.graph.next_state.values(),
+                *(operand.node for operand in self.graph.status.values())}
+        assert kept <= stored, "a result is not stored"
         last: dict[str, int] = {}
         for step in self.steps:
-            latency = units[step.unit].latency if step.unit in units else 0
-            assert step.write == step.issue + latency, f"{step} is not written when its result is there"
-            for operand in step.node.operands:
+            if step.unit in units:
+                assert step.write == step.issue + units[step.unit].latency + 1, f"{step} is not there when it is written"
+            for position, operand in enumerate(step.node.operands):
                 if operand.node.operation != "constant":
-                    assert written[operand.node] < step.issue, f"{step} reads {operand.node} too early"
+                    wait = step.issue - written[operand.node]
+                    by_hand = self.pool.forwarding and wait == 0 and not _from_memory(position, operand)
+                    fetched = wait >= self.pool.memory_delay and operand.node in stored
+                    assert by_hand or fetched, f"{step} reads {operand.node} too early"
             if step.unit in last and step.unit in units:
                 assert step.issue - last[step.unit] >= units[step.unit].interval, f"{step.unit} is still busy"
             last[step.unit] = step.issue
 
 
 def schedule(graph, pool):
-    """Place every node of a graph in time: list scheduling, then justification to both sides.
+    """Place every node of a graph in time: list scheduling with justification, many times over.
 
-    First, node after node, the one with the longest way to go takes the earliest cycle that is
-    free. Then, as long as the schedule gets shorter, all nodes are moved as late as they can
-    go, the last first, and back to as early as they can, the first first. What nobody waits
-    for yet so leaves the crowded first cycles to the critical path (Valls, Ballestín and
-    Quintanilla, "Justification and RCPSP", 2005).
+    A result with a single reader need not touch memory if the reader is issued when it comes
+    out, so such nodes are tied into chains that are placed as one. Chain after chain, the one
+    with the longest way to go takes the earliest cycle that is free. Then, as long as the
+    schedule gets shorter, all are moved as late as they can go, the last first, and back to as
+    early as they can, the first first: what nobody waits for yet leaves the crowded first cycles
+    to the critical path (Valls, Ballestín and Quintanilla, "Justification and RCPSP", 2005). This
+    is repeated from priorities that are a little off, at random but the same in every run; the
+    shortest schedule wins.
 
     Parameters
     ----------
@@ -101,72 +142,202 @@ def schedule(graph, pool):
         Verified.
     """
     table = _Table(graph, pool)
-    issues = table.pack(sorted(table.nodes, key=lambda node: -table.to_go[node]))
-    for _ in range(ROUNDS):
-        late = table.pack(sorted(table.nodes, key=lambda node: -issues[node] - table.latency[node]), late=True)
-        shorter = table.pack(sorted(table.nodes, key=lambda node: late[node]))
-        if table.length(shorter) >= table.length(issues):
+    bound = max(table.bounds().values())
+    rng = random.Random(0)
+    best = None
+    for attempt in range(ATTEMPTS):
+        spread = 0.3 * attempt / ATTEMPTS
+        places = table.pack({chain: -table.to_go[chain[0]] * (1 + rng.uniform(-spread, spread)) for chain in table.chains})
+        for _ in range(ROUNDS):
+            late = table.pack({chain: -places[chain[-1]].write for chain in table.chains}, late=True)
+            shorter = table.pack({chain: late[chain[0]].issue for chain in table.chains})
+            if _length(shorter) >= _length(places):
+                break
+            places = shorter
+        if best is None or _length(places) < _length(best):
+            best = places
+        if _length(best) <= bound:
             break
-        issues = shorter
-    steps = [Step(node, unit.name if (unit := table.units[node]) else "input", issue, issue + table.latency[node])
-             for node, issue in issues.items()]
-    result = Schedule(graph, pool, tuple(sorted(steps, key=lambda step: step.issue)))
+    assert best is not None
+    result = Schedule(graph, pool, tuple(sorted(_stored(graph, best), key=lambda step: step.issue)))
     result.verify()
     return result
 
 
+ATTEMPTS = 24
+"""How often the scheduler starts anew, if it does not meet the bound before."""
+
 ROUNDS = 20
 """At most so many justifications; a handful is usual."""
+
+
+def _length(places):
+    return 1 + max(step.write for step in places.values()) - min(step.issue for step in places.values())
+
+
+def _stored(graph, places):
+    """The steps, each stored only if somebody finds it in memory, or would hide it if it were not finite."""
+    fetched = {operand.node for operand in graph.status.values()} | {*graph.outputs.values(), *graph.next_state.values()}
+    for step in places.values():
+        for position, operand in enumerate(step.node.operands):
+            if operand.node in places and (_from_memory(position, operand) or places[operand.node].write != step.issue
+                                           or not step.node.spreads):
+                fetched.add(operand.node)
+    return [Step(step.node, step.unit, step.issue, step.write, step.node in fetched) for step in places.values()]
+
+
+def _from_memory(position, operand):
+    """Whether an operand cannot be taken as it comes out: a condition, and the state, which is put back only at times."""
+    return position == 2 or operand.node.operation == "state"
+
+
+Chain = tuple[Node, ...]
 
 
 class _Table:
     """What scheduling asks of a graph on a pool."""
 
     def __init__(self, graph, pool):
-        units = {operation: unit for unit in pool.units for operation in unit.operations}
+        self.pool = pool
         self.nodes = [node for node in graph.nodes if node.operation != "constant"]
         # A state word is put back by the unit that copies; an input needs none.
-        self.units = {node: units.get("copy" if node.operation == "state" else node.operation) for node in self.nodes}
-        self.latency = {node: unit.latency if unit else 0 for node, unit in self.units.items()}
-        self.operands = {node: [operand.node for operand in node.operands if operand.node.operation != "constant"]
-                         for node in self.nodes}
-        self.readers: dict[Node, list[Node]] = {node: [] for node in self.nodes}
+        self.units = {node: pool.operations.get("copy" if node.operation == "state" else node.operation, [])
+                      for node in self.nodes}
+        # Cycles from a node's issue to its result.
+        self.delay = {node: units[0].latency + 1 if units else 0 for node, units in self.units.items()}
+        self.operands = {node: [(operand.node, _from_memory(position, operand))
+                                for position, operand in enumerate(node.operands) if operand.node.operation != "constant"] for node in self.nodes}
+        self.readers: dict[Node, list[tuple[Node, bool]]] = {node: [] for node in self.nodes}
         for node in self.nodes:
-            for operand in self.operands[node]:
-                self.readers[operand].append(node)
+            for operand, from_memory in self.operands[node]:
+                self.readers[operand].append((node, from_memory))
         self.to_go: dict[Node, int] = {}
         for node in reversed(self.nodes):
-            rest = max((self.to_go[reader] for reader in self.readers[node]), default=0)
-            self.to_go[node] = self.latency[node] + 1 + rest
+            rest = max((self.to_go[reader] + self._least_wait(from_memory)
+                        for reader, from_memory in self.readers[node]), default=1)
+            self.to_go[node] = self.delay[node] + rest
+        self.to_come: dict[Node, int] = {}
+        for node in self.nodes:
+            self.to_come[node] = max((self.to_come[operand] + self.delay[operand] + self._least_wait(from_memory)
+                                      for operand, from_memory in self.operands[node]), default=0)
+        self.chains = self._chains(graph)
+        self.chain_of = {node: chain for chain in self.chains for node in chain}
 
-    def length(self, issues):
-        """Cycles from the first issue to the last write."""
-        return 1 + max(issue + self.latency[node] for node, issue in issues.items())
+    def _least_wait(self, from_memory):
+        """Least number of cycles between a result and the issue that reads it."""
+        return 0 if self.pool.forwarding and not from_memory else self.pool.memory_delay
 
-    def pack(self, order, *, late=False):
-        """Issue cycles of the nodes, each placed in its turn where it is free: earliest, or latest, first.
+    def _may_wait(self, wait, from_memory):
+        return (wait == 0 and self._least_wait(from_memory) == 0) or wait >= self.pool.memory_delay
 
-        ``order`` has operands before (or, ``late``, after) their readers. The first cycle is 0.
+    def bounds(self):
+        """Cycles that no schedule can do without, by what demands them."""
+        bounds = {"dependences": max(self.to_go.values())}
+        groups: dict[str, list[Node]] = {}
+        for node in self.nodes:
+            if node.computed:
+                groups.setdefault("/".join(unit.name for unit in self.units[node]), []).append(node)
+        for name, nodes in groups.items():
+            units = self.units[nodes[0]]
+            taken = -(-(len(nodes) - 1) * units[0].interval // len(units))
+            bounds[name] = min(self.to_come[node] for node in nodes) + taken + min(self.to_go[node] for node in nodes)
+        return bounds
+
+    def _chains(self, graph) -> list[Chain]:
+        """All nodes, tied where a result's only reader spreads what is not finite, which is seen on the bus."""
+        kept = {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
+        before: dict[Node, Node] = {}
+        for node in self.nodes:
+            if not self.pool.forwarding or not node.spreads:
+                continue
+            free = [operand for operand, _ in self.operands[node]
+                    if operand.spreads and operand not in kept
+                    and {reader for reader, _ in self.readers[operand]} == {node}]
+            if free:
+                before[node] = max(free, key=lambda operand: self.to_come[operand] + self.delay[operand])
+        tied = set(before.values())
+        chains = []
+        for node in self.nodes:
+            if node not in tied:
+                chain = [node]
+                while chain[-1] in before:
+                    chain.append(before[chain[-1]])
+                chains.append(tuple(reversed(chain)))
+        return chains
+
+    def pack(self, priority, *, late=False):
+        """Steps by node, chain after chain placed in the earliest, or latest, free cycle, the lowest priority first.
+
+        Cycles count from any number.
         """
-        direction = -1 if late else 1
-        issues: dict[Node, int] = {}
+        ahead, behind = (self.readers, self.operands) if late else (self.operands, self.readers)
+        waiting = {chain: len({self.chain_of[other] for node in chain for other, _ in ahead[node]} - {chain})
+                   for chain in self.chains}
+        number = {chain: index for index, chain in enumerate(self.chains)}
+        queue = [(priority[chain], number[chain]) for chain in self.chains if not waiting[chain]]
+        heapify(queue)
+        places: dict[Node, Step] = {}
         taken: set[tuple] = set()
-        for node in order:
-            if late:
-                cycle = min((issues[reader] for reader in self.readers[node]), default=0) - 1 - self.latency[node]
-            else:
-                cycle = max((issues[operand] + self.latency[operand] + 1 for operand in self.operands[node]), default=0)
-            while not taken.isdisjoint(needs := self._needs(node, cycle)):
-                cycle += direction
-            issues[node] = cycle
-            taken.update(needs)
-        first = min(issues.values())
-        return {node: issue - first for node, issue in issues.items()}
+        while queue:
+            chain = self.chains[heappop(queue)[1]]
+            self._place(chain, places, taken, late)
+            for other in {self.chain_of[other] for node in chain for other, _ in behind[node]} - {chain}:
+                waiting[other] -= 1
+                if not waiting[other]:
+                    heappush(queue, (priority[other], number[other]))
+        assert len(places) == len(self.nodes)
+        # The address of the first operand goes out before the cycle in which it comes.
+        first = min(step.issue for step in places.values()) - (self.pool.memory_delay - 1)
+        return {node: Step(node, step.unit, step.issue - first, step.write - first) for node, step in places.items()}
 
-    def _needs(self, node, cycle):
-        """What a node takes up if it is issued in ``cycle``: the result bus, a read port, its unit."""
-        unit = self.units[node]
-        needs: list[tuple] = [("bus", cycle + self.latency[node])]
-        if unit:
-            needs += [("port", unit.read_port, cycle), *((unit.name, cycle + busy) for busy in range(unit.interval))]
-        return needs
+    def _place(self, chain, places, taken, late):
+        """Add the steps of a chain to ``places``, and what they take up to ``taken``."""
+        offsets = [0]
+        for node in chain[:-1]:
+            offsets.append(offsets[-1] + self.delay[node])
+        inside = set(chain)
+        limits = []  # (offset of an issue or a result, cycle of the other end, whether read from memory)
+        for node, offset in zip(chain, offsets, strict=True):
+            if late:
+                limits += [(offset + self.delay[node], places[reader].issue, from_memory)
+                           for reader, from_memory in self.readers[node] if reader not in inside]
+            else:
+                limits += [(offset, places[operand].write, from_memory)
+                           for operand, from_memory in self.operands[node] if operand not in inside]
+        if late:
+            cycle = min((other - offset - self._least_wait(from_memory) for offset, other, from_memory in limits),
+                        default=-offsets[-1] - self.delay[chain[-1]])
+        else:
+            cycle = max((other - offset + self._least_wait(from_memory) for offset, other, from_memory in limits),
+                        default=0)
+        sign = -1 if late else 1
+        while True:
+            if all(self._may_wait(sign * (cycle + offset - other), from_memory) for offset, other, from_memory in limits):
+                needs = self._needs(chain, offsets, cycle, taken)
+                if needs is not None:
+                    break
+            cycle += sign
+        units, slots = needs
+        taken |= slots
+        for node, offset, unit in zip(chain, offsets, units, strict=True):
+            places[node] = Step(node, unit.name if unit else "input", cycle + offset, cycle + offset + self.delay[node])
+
+    def _needs(self, chain, offsets, cycle, taken):
+        """Units for the nodes of a chain that starts in ``cycle``, and the slots they take up; None if not free."""
+        tail = ("bus", cycle + offsets[-1] + self.delay[chain[-1]])
+        if tail in taken:
+            return None
+        slots, chosen = {tail}, []
+        for node, offset in zip(chain, offsets, strict=True):
+            issue = cycle + offset
+            for unit in self.units[node]:
+                wanted = {("port", unit.read_port, issue), *((unit.name, issue + busy) for busy in range(unit.interval))}
+                if taken.isdisjoint(wanted) and slots.isdisjoint(wanted):
+                    break
+            else:
+                if self.units[node]:
+                    return None
+                unit, wanted = None, set()
+            slots |= wanted
+            chosen.append(unit)
+        return chosen, slots

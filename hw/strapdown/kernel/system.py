@@ -84,9 +84,9 @@ class System:
         """Names of the data outputs, in order."""
         return tuple(leaves(self.outputs))
 
-    def trace(self, format):
-        """The graph of the equations, with numbers of ``format``."""
-        xp = Tracer(format, self.sections)
+    def trace(self, pool):
+        """The graph of the equations, in the operations and the format of a pool."""
+        xp = Tracer(pool, self.sections)
         update = self.equations(
             xp,
             **{name: shaped(ports, lambda port: xp.source("input", port)) for name, ports in self.inputs.items()},

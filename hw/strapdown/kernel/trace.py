@@ -47,6 +47,11 @@ class Node:
         """Whether a unit has to compute it."""
         return self.operation not in ("input", "state", "constant")
 
+    @property
+    def spreads(self):
+        """Whether an operand that is infinite or NaN always gives a result that is infinite or NaN."""
+        return self.operation in ("add", "multiply")
+
     def __str__(self):
         if not self.computed:
             return self.label
@@ -118,14 +123,14 @@ class Tracer(Namespace):
 
     Parameters
     ----------
-    format : FloatFormat
-        Format in which numbers of the kernel are told apart.
+    pool : Pool
+        In whose format numbers of the kernel are told apart, and whose operations there are.
     sections : tuple of str
         Stages the kernel may name; what it computes outside of them belongs to the first.
     """
 
-    def __init__(self, format, sections):
-        self._format = format
+    def __init__(self, pool, sections):
+        super().__init__(pool)
         self._sections = sections
         self._section = sections[0]
         self._nodes: dict[tuple, Node] = {}
@@ -134,8 +139,8 @@ class Tracer(Namespace):
     # Where values come from.
 
     def lift(self, number):
-        magnitude = float(self._format.array(abs(number)))
-        label = f"{magnitude:.{self._format.decimal_digits}g}"
+        magnitude = float(self.pool.format.array(abs(number)))
+        label = f"{magnitude:.{self.pool.format.decimal_digits}g}"
         return self._symbol(Operand(self._node("constant", label=label, value=magnitude), number < 0))
 
     def source(self, operation, label):
@@ -151,19 +156,10 @@ class Tracer(Namespace):
         # x - 0 is x, whatever x is; -0 is what ``subtract`` makes of the constant 0.
         if b.operand.node.operation == "constant" and b.operand.node.value == 0 and b.operand.negated:
             return a
-        return self._compute("add", a, b)
+        return super().add(a, b)
 
-    def multiply(self, a, b):
-        return self._compute("multiply", a, b)
-
-    def divide(self, a, b):
-        return self._compute("divide", a, b)
-
-    def sqrt(self, a):
-        return self._compute("sqrt", self.lift_value(a))
-
-    def atan2(self, y, x):
-        return self._compute("atan2", self.lift_value(y), self.lift_value(x))
+    def apply(self, operation, *operands):
+        return self._compute(operation, *operands)
 
     def is_negative(self, a):
         return Condition(a.operand)

@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from contextlib import nullcontext
 from numbers import Real
 
+from strapdown.algorithms import arctangent
+
 __all__ = ["Namespace", "Value"]
 
 
@@ -11,7 +13,15 @@ class Namespace(ABC):
     """Base of the namespaces whose values are not plain numbers.
 
     The circuit has no comparator: ``a < b`` is the sign of ``a - b``.
+
+    Parameters
+    ----------
+    pool : Pool
+        The units there are.
     """
+
+    def __init__(self, pool):
+        self.pool = pool
 
     @abstractmethod
     def lift(self, number):
@@ -22,24 +32,8 @@ class Namespace(ABC):
         """-a."""
 
     @abstractmethod
-    def add(self, a, b):
-        """a + b."""
-
-    @abstractmethod
-    def multiply(self, a, b):
-        """a · b."""
-
-    @abstractmethod
-    def divide(self, a, b):
-        """a / b."""
-
-    @abstractmethod
-    def sqrt(self, a):
-        """Square root of a value or number."""
-
-    @abstractmethod
-    def atan2(self, y, x):
-        """Angle of the point (x, y), values or numbers, in radians."""
+    def apply(self, operation, *operands):
+        """What the pool's unit for ``operation`` makes of values."""
 
     @abstractmethod
     def is_negative(self, a):
@@ -58,6 +52,27 @@ class Namespace(ABC):
         if isinstance(operand, Real):
             return self.lift(float(operand))
         raise TypeError(f"a kernel computes with numbers, not with {operand!r}")
+
+    def add(self, a, b):
+        """a + b."""
+        return self.apply("add", a, b)
+
+    def multiply(self, a, b):
+        """a · b."""
+        return self.apply("multiply", a, b)
+
+    def divide(self, a, b):
+        """a / b."""
+        return self.apply("divide", a, b)
+
+    def sqrt(self, a):
+        """Square root of a value or number."""
+        return self.apply("sqrt", self.lift_value(a))
+
+    def atan2(self, y, x):
+        """Angle of the point (x, y), values or numbers, in radians: by a unit, or by the kernel for pools that have none."""
+        y, x = self.lift_value(y), self.lift_value(x)
+        return self.apply("atan2", y, x) if "atan2" in self.pool.operations else arctangent.atan2(self, y, x)
 
     def subtract(self, a, b):
         """a - b: the sum with b's sign turned."""
