@@ -6,6 +6,7 @@ import pytest
 from strapdown.config import THESIS
 from strapdown.cores import ATTITUDE_CORES
 from strapdown.kernel.microprogram import Microprogram
+from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.schedule import schedule
 
 POOL = THESIS.pool
@@ -15,6 +16,7 @@ FORMAT = POOL.format
 def interpret(program, inputs, memory, bank, fresh):
     """Run the words of a program on a memory of encodings, in place; inputs are numbers."""
     units = {unit.name: unit for unit in program.units}
+    lead = program.schedule.pool.memory_delay - 1  # the address of an operand stands in an earlier word
     coming = {}  # (unit, cycle) to the result that comes out then
     for cycle, word in enumerate(program.words):
         def physical(address):
@@ -27,15 +29,16 @@ def interpret(program, inputs, memory, bank, fresh):
         write = word.get("write", {})
         bus = coming.get((program.sources[write.get("source", 0)], cycle))
 
-        def operand(fields):
+        def operand(port, side):
+            fields, early = (program.words[c].get(port, {}).get(side, {}) for c in (cycle, cycle - lead))
             source = program.operand_sources[fields["source"]]
-            value = {"memory": lambda: stored(fields["address"]), "bus": lambda: bus}.get(
+            value = {"memory": lambda: stored(early["address"]), "bus": lambda: bus}.get(
                 source, lambda: coming[source, cycle])()
             return -value if fields["negate"] else value
 
         for name in word.get("start", {}):
-            unit, port = units[name], word[f"port{units[name].read_port}"]
-            a, b = operand(port["a"]), operand(port["b"])
+            unit = units[name]
+            a, b = (operand(f"port{unit.read_port}", side) for side in "ab")
             if name == "selector":
                 condition = word.get("condition")
                 chosen = condition is None or np.signbit(stored(condition["address"])) != condition["negate"]
@@ -50,10 +53,29 @@ def interpret(program, inputs, memory, bank, fresh):
             memory[physical(write["address"])] = int(FORMAT.to_bits(bus))
 
 
+POOLS = {
+    "default": POOL,
+    "no forwarding": Pool(forwarding=False),
+    "one port, block memory, no arctangent": Pool(
+        arctangents=0, private_ports=False, forwarding=False, operand_memory=MemoryStyle.BLOCK),
+    "forwarding past a block memory": Pool(operand_memory=MemoryStyle.BLOCK),
+    "two of each": Pool(adders=2, multipliers=2, dividers=2, arctangents=2),
+}
+
+
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
 def test_words_compute_what_the_twin_computes(name):
+    check_words(name, POOL)
+
+
+@pytest.mark.parametrize("pool", POOLS)
+def test_words_of_every_kind_of_pool(pool):
+    check_words("INS_top", POOLS[pool])
+
+
+def check_words(name, pool):
     system = ATTITUDE_CORES[name](THESIS)
-    program = Microprogram(schedule(system.trace(POOL), POOL))
+    program = Microprogram(schedule(system.trace(pool), pool))
     rng = np.random.default_rng(7)
     memory, bank, fresh = list(program.initial), 0, True
     state = {word: FORMAT.array(value) for word, value in system.reset.items()}
@@ -61,7 +83,7 @@ def test_words_compute_what_the_twin_computes(name):
         values = rng.standard_normal(len(system.input_ports)) * 10
         interpret(program, values, memory, bank, fresh)
         bank, fresh = 1 - bank, False
-        twin = system.update_twin(POOL, dict(zip(system.input_ports, values, strict=True)), state)
+        twin = system.update_twin(pool, dict(zip(system.input_ports, values, strict=True)), state)
         state = {word: twin[word] for word in state}
         for port, node in program.schedule.graph.outputs.items():
             address = program.addresses[node]

@@ -89,3 +89,41 @@ def test_verify_finds_a_missing_node():
     result = schedule(small_graph(), POOL)
     with pytest.raises(AssertionError, match="missing"):
         replace(result, steps=result.steps[:-1]).verify()
+
+
+def test_a_result_that_is_taken_as_it_comes_out_is_not_stored():
+    result = schedule(small_graph(), POOL)
+    product = result.steps[index_of(result, "multiply", 0)]
+    total = result.steps[index_of(result, "add")]
+    fed = product if product.write == total.issue else result.steps[index_of(result, "multiply", 1)]
+    assert fed.write == total.issue
+    assert not fed.stored
+    assert schedule(small_graph(), Pool(forwarding=False)).length > result.length
+
+
+def test_what_might_hide_an_infinity_gets_its_operands_over_the_bus():
+    for core in ATTITUDE_CORES.values():
+        result = schedule(core(THESIS).trace(POOL), POOL)
+        on_bus = {step.node for step in result.steps if result.on_bus(step)}
+        for step in result.steps:
+            if step.node.operation not in ("add", "multiply"):
+                assert {operand.node for operand in step.node.operands if operand.node.computed} <= on_bus
+
+
+def test_no_schedule_is_shorter_than_its_bounds():
+    for core in ATTITUDE_CORES.values():
+        result = schedule(core(THESIS).trace(POOL), POOL)
+        assert max(result.bounds.values()) <= result.length
+    chain = schedule(small_graph(), POOL)
+    # The second input, one cycle late, is all that stands between the chain and its bound.
+    assert chain.length == chain.bounds["dependences"] + 1
+
+
+def test_critical_path_leads_from_a_source_to_the_last_result():
+    result = schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), POOL)
+    path = [step for step, _ in result.critical_path]
+    assert not path[0].node.computed
+    assert path[-1].write == result.length - 1
+    for before, step in zip(path, path[1:], strict=False):
+        assert before.node in {operand.node for operand in step.node.operands}
+    assert all(wait >= 0 for _, wait in result.critical_path)

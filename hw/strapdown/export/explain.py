@@ -16,7 +16,7 @@ def microprogram_listing(program):
             only = " (only after a reset)" if step.node.operation == "state" else ""
             parts.append(f"{_place(program, step.node)} := {step.unit}{only}")
         if parts:
-            origins = "; ".join(dict.fromkeys(_kernel_line(step.node) for step in started[cycle] if step.node.origin))
+            origins = "; ".join(dict.fromkeys(kernel_line(step.node) for step in started[cycle] if step.node.origin))
             yield f"{cycle:4} {' | '.join(parts)}" + (f"  -- {origins}" if origins else "")
 
 
@@ -41,7 +41,7 @@ def explain_line(program, file, line):
             yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {place}"
 
 
-def _kernel_line(node):
+def kernel_line(node):
     """The line of the kernel that stands nearest to the operation, vector helpers left out."""
     return str(next(origin for origin in reversed(node.origin) if origin.file == node.origin[0].file))
 

@@ -89,6 +89,36 @@ class Schedule:
         """
         return _Table(self.graph, self.pool).bounds()
 
+    @cached_property
+    def critical_path(self):
+        """The steps that the last result waits for, first to last, each with the cycles it waited beyond its operands.
+
+        Such a wait is for a unit, a read port or the result bus.
+        """
+        steps = {step.node: step for step in self.steps}
+        step, path = max(self.steps, key=lambda step: step.write), []
+        while step is not None:
+            waits = {}
+            for position, operand in enumerate(step.node.operands):
+                if operand.node in steps:
+                    by_hand = self.pool.forwarding and not _from_memory(position, operand)
+                    waits[steps[operand.node]] = step.issue - steps[operand.node].write - (not by_hand) * self.pool.memory_delay
+            # An operand that is tied to its reader comes as late as the other one makes it.
+            before = min(waits, key=lambda other: (not other.stored, waits[other]), default=None)
+            path.append((step, waits.get(before, 0)))
+            step = before
+        return path[::-1]
+
+    def utilisation(self):
+        """Unit, or "result bus", to the share of cycles in which it is taken."""
+        units = {unit.name: unit for unit in self.pool.units}
+        taken = Counter()
+        for step in self.steps:
+            if step.unit in units:
+                taken[step.unit] += units[step.unit].interval
+        taken["result bus"] = sum(self.on_bus(step) for step in self.steps)
+        return {name: count / self.length for name, count in taken.items()}
+
     def verify(self):
         """Raise AssertionError unless the schedule is one that the engine can run."""
         units = {unit.name: unit for unit in self.pool.units}

@@ -1,0 +1,60 @@
+"""A schedule as a picture, unit against cycle, and its critical path in words."""
+
+from pathlib import Path
+
+from .explain import kernel_line
+
+__all__ = ["schedule_summary", "schedule_picture"]
+
+
+def schedule_summary(schedule):
+    """Lines: length against its bounds, how busy the units are, the critical path with its kernel lines."""
+    bound = max(schedule.bounds, key=schedule.bounds.get)
+    yield f"{schedule.length} cycles, {schedule.length - schedule.bounds[bound]} above the bound:"
+    for name, cycles in sorted(schedule.bounds.items(), key=lambda item: -item[1]):
+        yield f"  {cycles:4}  {name}"
+    yield "busy:"
+    for name, share in sorted(schedule.utilisation().items(), key=lambda item: -item[1]):
+        yield f"  {share:4.0%}  {name}"
+    yield "critical path (cycles, unit, operation, cycles it waited for a unit, port or the bus):"
+    for step, wait in schedule.critical_path:
+        line = f"  {step.issue:4} to {step.write:4}  {step.unit:<12} {step.node.operation:<9} {f'+{wait}' if wait else '':>4}"
+        yield f"{line}  {kernel_line(step.node)}" if step.node.origin else f"{line}  {step.node.label}"
+
+
+def schedule_picture(schedule, title, path):
+    """Draw a schedule: a row a unit, a bar a cycle range in which it works, coloured by section.
+
+    Full colour is where a unit can take no other operation, pale where one is on its way through
+    a pipeline; the critical path is drawn as a line. ``path`` tells the format by its suffix.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    units = [unit for unit in schedule.pool.units if any(step.unit == unit.name for step in schedule.steps)]
+    rows = {name: row for row, name in enumerate(["input", *(unit.name for unit in units), "result bus"])}
+    intervals = {unit.name: unit.interval for unit in units} | {"input": 1}
+    colours = {section: f"C{index}" for index, section in enumerate(schedule.graph.sections)}
+
+    figure = Figure(figsize=(14, 0.45 * len(rows) + 1.6), layout="constrained")
+    axes = figure.subplots()
+    for step in schedule.steps:
+        row, colour = rows[step.unit], colours[step.node.section] if step.node.computed else "0.55"
+        axes.barh(row, max(step.write - step.issue, 1), left=step.issue, height=0.8, color=colour, alpha=0.25, linewidth=0)
+        axes.barh(row, intervals[step.unit], left=step.issue, height=0.8, color=colour, linewidth=0)
+        if schedule.on_bus(step):
+            axes.barh(rows["result bus"], 1, left=step.write, height=0.8, color=colour, linewidth=0)
+    critical = [(step.issue + 0.5, rows[step.unit]) for step, _ in schedule.critical_path]
+    axes.plot(*zip(*critical, strict=True), color="black", linewidth=0.8, marker="o", markersize=2.5)
+    axes.set_yticks(list(rows.values()), list(rows))
+    axes.invert_yaxis()
+    axes.set_xlim(0, schedule.length)
+    axes.set_xlabel("cycle")
+    axes.set_title(f"{title}: {schedule.length} cycles", loc="left")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(handles=[*(Patch(color=colour, label=section) for section, colour in colours.items()),
+                         Patch(color="0.55", label="inputs, reset values")],
+                ncols=len(colours) + 1, loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=150, metadata={"Software": None} if path.suffix == ".png" else None)
