@@ -29,11 +29,13 @@ def interpret(program, inputs, memory, bank, fresh):
         write = word.get("write", {})
         bus = coming.get((program.sources[write.get("source", 0)], cycle))
 
-        def operand(port, side):
+        def operand(port, side, cycle=cycle, bus=bus):
             fields, early = (program.words[c].get(port, {}).get(side, {}) for c in (cycle, cycle - lead))
             source = program.operand_sources[fields["source"]]
-            value = {"memory": lambda: stored(early["address"]), "bus": lambda: bus}.get(
-                source, lambda: coming[source, cycle])()
+            if source == "memory":
+                value = stored(early["address"])
+            else:
+                value = bus if source == "bus" else coming[source, cycle]
             return -value if fields["negate"] else value
 
         for name in word.get("start", {}):
@@ -44,8 +46,9 @@ def interpret(program, inputs, memory, bank, fresh):
                 chosen = condition is None or np.signbit(stored(condition["address"])) != condition["negate"]
                 result = a if chosen else b
             else:
-                modes = {mode for mode in unit.modes.values() if f"{name}_{mode}" in word.get("mode", {})}
-                operation = next(operation for operation in unit.operations if {unit.modes.get(operation)} - {None} == modes)
+                modes = [mode for mode in unit.modes.values() if f"{name}_{mode}" in word.get("mode", {})]
+                operation = next(operation for operation in unit.operations
+                                 if [unit.modes[name] for name in [operation] if name in unit.modes] == modes)
                 operands = (a,) if operation == "sqrt" else (a, b)
                 result = unit.operations[operation](*operands)
             coming[name, cycle + 1 + unit.latency] = result

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -124,6 +125,6 @@ def test_critical_path_leads_from_a_source_to_the_last_result():
     path = [step for step, _ in result.critical_path]
     assert not path[0].node.computed
     assert path[-1].write == result.length - 1
-    for before, step in zip(path, path[1:], strict=False):
+    for before, step in pairwise(path):
         assert before.node in {operand.node for operand in step.node.operands}
     assert all(wait >= 0 for _, wait in result.critical_path)

@@ -1,5 +1,7 @@
 """The angle of a vector by additions and multiplications, for engines that have no arctangent."""
 
+from .vector import polynomial
+
 __all__ = ["atan2"]
 
 PI = 3.141592653589793
@@ -24,10 +26,7 @@ def atan2(xp, y, x):
     steep = x_size < y_size
     t = xp.select(steep, x_size, y_size) / (xp.select(steep, y_size, x_size) + SHORTEST)
     u = t * t
-    tail = COEFFICIENTS[-1]
-    for coefficient in reversed(COEFFICIENTS[:-1]):
-        tail = coefficient + u * tail
-    angle = t + (t * u) * tail
+    angle = t + (t * u) * polynomial(COEFFICIENTS, u)
     angle = xp.select(steep, PI / 2 - angle, angle)
     angle = xp.select(x < 0.0, PI - angle, angle)
     return xp.select(y < 0.0, -angle, angle)

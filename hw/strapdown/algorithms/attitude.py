@@ -133,7 +133,8 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
         q = scale(xp.sqrt(reciprocal), q)
         c = tuple(scale(reciprocal, row) for row in s)
     with xp.section("EULER"):
-        angles = euler_angles(xp, s[0][0], s[0][1], s[0][2], xp.sqrt(dot((s[1][2], s[2][2]), (s[1][2], s[2][2]))), s[1][2], s[2][2])
+        vertical = (s[1][2], s[2][2])
+        angles = euler_angles(xp, s[0][0], s[0][1], s[0][2], xp.sqrt(dot(vertical, vertical)), *vertical)
     return Update(
         outputs={"c": c, "angles": angles},
         state={"q": q, "c": c, "i": i},

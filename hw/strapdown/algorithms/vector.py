@@ -5,7 +5,7 @@ of the numbers rounds in the same places. Sums are balanced, because depth is ti
 """
 
 __all__ = ["SHORTEST_SQUARE", "add", "scale", "dot", "cross", "length_squared", "column", "matrix_vector",
-           "transposed_vector", "permute"]
+           "transposed_vector", "permute", "polynomial"]
 
 SHORTEST_SQUARE = 2.0**-100
 """Added to a squared length before it divides: a vector shorter than 2**-50 (of whatever unit) has
@@ -38,7 +38,7 @@ def cross(a, b):
 
 
 def length_squared(a):
-    """Squared length of three components plus ``SHORTEST_SQUARE``, and whether it is the lesser: (square, is_missing)."""
+    """Squared length of three components plus ``SHORTEST_SQUARE``, and whether it is less: (square, is_missing)."""
     x, y, z = a
     square = (x * x + y * y) + (z * z + SHORTEST_SQUARE)
     return square, square < 2 * SHORTEST_SQUARE
@@ -65,3 +65,13 @@ def permute(axes, a):
     ``axes`` names the sensor axis that lies along body x, y and z, as in ("+y", "-x", "+z").
     """
     return tuple(a["xyz".index(axis)] if sign == "+" else -a["xyz".index(axis)] for sign, axis in axes)
+
+
+def polynomial(coefficients, u):
+    """Σ coefficients_i·uⁱ, halves side by side (Estrin): the depth grows with the logarithm of the order."""
+    terms = list(coefficients)
+    while len(terms) > 1:
+        pairs = [terms[i:i + 2] for i in range(0, len(terms), 2)]
+        terms = [pair[0] + pair[1] * u if len(pair) == 2 else pair[0] for pair in pairs]
+        u = u * u if len(terms) > 1 else u
+    return terms[0]

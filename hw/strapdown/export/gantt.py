@@ -18,8 +18,8 @@ def schedule_summary(schedule):
         yield f"  {share:4.0%}  {name}"
     yield "critical path (cycles, unit, operation, cycles it waited for a unit, port or the bus):"
     for step, wait in schedule.critical_path:
-        line = f"  {step.issue:4} to {step.write:4}  {step.unit:<12} {step.node.operation:<9} {f'+{wait}' if wait else '':>4}"
-        yield f"{line}  {kernel_line(step.node)}" if step.node.origin else f"{line}  {step.node.label}"
+        waited, origin = f"+{wait}" if wait else "", kernel_line(step.node) if step.node.origin else step.node.label
+        yield f"  {step.issue:4} to {step.write:4}  {step.unit:<12} {step.node.operation:<9} {waited:>4}  {origin}"
 
 
 def schedule_picture(schedule, title, path):
@@ -40,10 +40,11 @@ def schedule_picture(schedule, title, path):
     axes = figure.subplots()
     for step in schedule.steps:
         row, colour = rows[step.unit], colours[step.node.section] if step.node.computed else "0.55"
-        axes.barh(row, max(step.write - step.issue, 1), left=step.issue, height=0.8, color=colour, alpha=0.25, linewidth=0)
-        axes.barh(row, intervals[step.unit], left=step.issue, height=0.8, color=colour, linewidth=0)
+        bars = [(row, step.issue, max(step.write - step.issue, 1), 0.25), (row, step.issue, intervals[step.unit], 1)]
         if schedule.on_bus(step):
-            axes.barh(rows["result bus"], 1, left=step.write, height=0.8, color=colour, linewidth=0)
+            bars.append((rows["result bus"], step.write, 1, 1))
+        for place, left, width, alpha in bars:
+            axes.barh(place, width, left=left, height=0.8, color=colour, alpha=alpha, linewidth=0)
     critical = [(step.issue + 0.5, rows[step.unit]) for step, _ in schedule.critical_path]
     axes.plot(*zip(*critical, strict=True), color="black", linewidth=0.8, marker="o", markersize=2.5)
     axes.set_yticks(list(rows.values()), list(rows))

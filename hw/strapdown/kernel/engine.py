@@ -220,10 +220,10 @@ class Engine(wiring.Component):
             with m.Elif(writes & (bus.exponent == program.format.exponent_special)):
                 m.d.sync += refused.eq(1)
             status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
-            for name, condition in graph.status.items():
+            for name, shown in graph.status.items():
                 flag = Signal(name=name)
-                with m.If(written(condition.node)):
-                    m.d.sync += flag.eq(bus.sign ^ condition.negated)
+                with m.If(written(shown.node)):
+                    m.d.sync += flag.eq(bus.sign ^ shown.negated)
                 with m.If(ending):
                     m.d.sync += status[name].eq(flag & ~refused)
             with m.If(ending):

@@ -96,23 +96,25 @@ class Schedule:
         Such a wait is for a unit, a read port or the result bus.
         """
         steps = {step.node: step for step in self.steps}
-        step, path = max(self.steps, key=lambda step: step.write), []
-        while step is not None:
-            waits = {}
+        path = [max(self.steps, key=lambda step: step.write)]
+        waited: list[int] = []
+        while True:
+            step, waits = path[-1], {}
             for position, operand in enumerate(step.node.operands):
                 if operand.node in steps:
+                    other = steps[operand.node]
                     by_hand = self.pool.forwarding and not _from_memory(position, operand)
-                    waits[steps[operand.node]] = step.issue - steps[operand.node].write - (not by_hand) * self.pool.memory_delay
+                    waits[other] = step.issue - other.write - (0 if by_hand else self.pool.memory_delay)
             # An operand that is tied to its reader comes as late as the other one makes it.
-            before = min(waits, key=lambda other: (not other.stored, waits[other]), default=None)
-            path.append((step, waits.get(before, 0)))
-            step = before
-        return path[::-1]
+            if not waits:
+                return list(zip(path, [*waited, 0], strict=True))[::-1]
+            path.append(min(waits, key=lambda other: (not other.stored, waits[other])))
+            waited.append(waits[path[-1]])
 
     def utilisation(self):
         """Unit, or "result bus", to the share of cycles in which it is taken."""
         units = {unit.name: unit for unit in self.pool.units}
-        taken = Counter()
+        taken: Counter[str] = Counter()
         for step in self.steps:
             if step.unit in units:
                 taken[step.unit] += units[step.unit].interval
@@ -131,13 +133,11 @@ class Schedule:
             busiest, count = Counter(uses).most_common(1)[0]
             assert count == 1, f"{resource} {busiest} is used {count} times"
         stored = {step.node for step in self.steps if step.stored}
-        kept = {*self.graph.outputs.values(), *self.graph.next_state.values(),
-                *(operand.node for operand in self.graph.status.values())}
-        assert kept <= stored, "a result is not stored"
+        assert _kept(self.graph) <= stored, "a result is not stored"
         last: dict[str, int] = {}
         for step in self.steps:
             if step.unit in units:
-                assert step.write == step.issue + units[step.unit].latency + 1, f"{step} is not there when it is written"
+                assert step.write == step.issue + units[step.unit].latency + 1, f"{step} is not there then"
             for position, operand in enumerate(step.node.operands):
                 if operand.node.operation != "constant":
                     wait = step.issue - written[operand.node]
@@ -177,7 +177,8 @@ def schedule(graph, pool):
     best = None
     for attempt in range(ATTEMPTS):
         spread = 0.3 * attempt / ATTEMPTS
-        places = table.pack({chain: -table.to_go[chain[0]] * (1 + rng.uniform(-spread, spread)) for chain in table.chains})
+        places = table.pack({chain: -table.to_go[chain[0]] * (1 + rng.uniform(-spread, spread))
+                             for chain in table.chains})
         for _ in range(ROUNDS):
             late = table.pack({chain: -places[chain[-1]].write for chain in table.chains}, late=True)
             shorter = table.pack({chain: late[chain[0]].issue for chain in table.chains})
@@ -207,7 +208,7 @@ def _length(places):
 
 def _stored(graph, places):
     """The steps, each stored only if somebody finds it in memory, or would hide it if it were not finite."""
-    fetched = {operand.node for operand in graph.status.values()} | {*graph.outputs.values(), *graph.next_state.values()}
+    fetched = _kept(graph)
     for step in places.values():
         for position, operand in enumerate(step.node.operands):
             if operand.node in places and (_from_memory(position, operand) or places[operand.node].write != step.issue
@@ -216,8 +217,13 @@ def _stored(graph, places):
     return [Step(step.node, step.unit, step.issue, step.write, step.node in fetched) for step in places.values()]
 
 
+def _kept(graph):
+    """Nodes that somebody looks for in memory when the update is over."""
+    return {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
+
+
 def _from_memory(position, operand):
-    """Whether an operand cannot be taken as it comes out: a condition, and the state, which is put back only at times."""
+    """Whether an operand cannot be taken as it comes out: a condition; the state, put back only at times."""
     return position == 2 or operand.node.operation == "state"
 
 
@@ -235,8 +241,9 @@ class _Table:
                       for node in self.nodes}
         # Cycles from a node's issue to its result.
         self.delay = {node: units[0].latency + 1 if units else 0 for node, units in self.units.items()}
-        self.operands = {node: [(operand.node, _from_memory(position, operand))
-                                for position, operand in enumerate(node.operands) if operand.node.operation != "constant"] for node in self.nodes}
+        self.operands = {
+            node: [(operand.node, _from_memory(position, operand)) for position, operand in enumerate(node.operands)
+                   if operand.node.operation != "constant"] for node in self.nodes}
         self.readers: dict[Node, list[tuple[Node, bool]]] = {node: [] for node in self.nodes}
         for node in self.nodes:
             for operand, from_memory in self.operands[node]:
@@ -275,7 +282,7 @@ class _Table:
 
     def _chains(self, graph) -> list[Chain]:
         """All nodes, tied where a result's only reader spreads what is not finite, which is seen on the bus."""
-        kept = {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
+        kept = _kept(graph)
         before: dict[Node, Node] = {}
         for node in self.nodes:
             if not self.pool.forwarding or not node.spreads:
@@ -342,7 +349,8 @@ class _Table:
                         default=0)
         sign = -1 if late else 1
         while True:
-            if all(self._may_wait(sign * (cycle + offset - other), from_memory) for offset, other, from_memory in limits):
+            if all(self._may_wait(sign * (cycle + offset - other), from_memory)
+                   for offset, other, from_memory in limits):
                 needs = self._needs(chain, offsets, cycle, taken)
                 if needs is not None:
                     break
@@ -361,7 +369,8 @@ class _Table:
         for node, offset in zip(chain, offsets, strict=True):
             issue = cycle + offset
             for unit in self.units[node]:
-                wanted = {("port", unit.read_port, issue), *((unit.name, issue + busy) for busy in range(unit.interval))}
+                wanted = {("port", unit.read_port, issue),
+                          *((unit.name, issue + busy) for busy in range(unit.interval))}
                 if taken.isdisjoint(wanted) and slots.isdisjoint(wanted):
                     break
             else:

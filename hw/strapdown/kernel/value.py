@@ -70,7 +70,7 @@ class Namespace(ABC):
         return self.apply("sqrt", self.lift_value(a))
 
     def atan2(self, y, x):
-        """Angle of the point (x, y), values or numbers, in radians: by a unit, or by the kernel for pools that have none."""
+        """Angle of the point (x, y), values or numbers, in radians: a unit's, or a kernel's if the pool has none."""
         y, x = self.lift_value(y), self.lift_value(x)
         return self.apply("atan2", y, x) if "atan2" in self.pool.operations else arctangent.atan2(self, y, x)
 
