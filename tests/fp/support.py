@@ -25,9 +25,10 @@ VECTORS = Path(__file__).resolve().parents[3] / "shared" / "vectors" / "testfloa
 FLOAT8 = FloatFormat(4, 3)
 # So few exponents that even a square root may be subnormal.
 NARROW = FloatFormat(3, 4)
+BFLOAT16 = FloatFormat(8, 7)
 FORMATS = {f"{name}_{policy}": fmt.with_subnormals(policy)
-           for name, fmt in (("float8", FLOAT8), ("narrow", NARROW), ("binary16", BINARY16),
-                             ("binary32", BINARY32), ("binary64", BINARY64))
+           for name, fmt in (("float8", FLOAT8), ("narrow", NARROW), ("bfloat16", BFLOAT16),
+                             ("binary16", BINARY16), ("binary32", BINARY32), ("binary64", BINARY64))
            for policy in ("gradual", "flush")}
 
 
@@ -272,19 +273,22 @@ class Bank(wiring.Component):
         return {name: {member: np.concatenate([piece[name][member] for piece in pieces])
                        for member in pieces[0][name]} for name in self.operators}
 
-    def check(self, fmt, wanted, **operands):
+    def check(self, fmt, wanted, flags=None, **operands):
         """Assert the results of circuits and twins against encodings: of all operators of this
-        format that take exactly these operands."""
+        format that take exactly these operands. With ``flags``, assert those of the operators
+        that have them."""
         results = self.run(**operands)
         chosen = {name: op for name, op in self.operators.items()
                   if op.format == fmt and inputs(op) == {*operands, "start"}}
         assert chosen
+        numbers = {member: fmt.from_bits(rows) if member in ("a", "b") else rows.astype(bool)
+                   for member, rows in operands.items()}
         for name, op in chosen.items():
             assert_equal(name, results[name]["result"], wanted, operands)
-            if fmt.width >= 16:
-                numbers = {member: fmt.from_bits(rows) if member in ("a", "b") else rows.astype(bool)
-                           for member, rows in operands.items()}
-                assert_equal(f"{name}, twin", fmt.to_bits(op.compute(**numbers)), wanted, operands)
+            assert_equal(f"{name}, twin", fmt.to_bits(op.compute(**numbers)), wanted, operands)
+            if flags is not None and "flags" in results[name]:
+                assert_equal(f"{name}, flags", results[name]["flags"], flags, operands)
+                assert_equal(f"{name}, flags of twin", op.compute_flags(**numbers), flags, operands)
 
     def check_handshake(self, rng, **operands):
         """Start at random, operands changing in every cycle: assert ``done`` and the results.

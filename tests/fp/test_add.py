@@ -6,29 +6,48 @@ import operator
 import numpy as np
 import pytest
 
-from strapdown.fp import BINARY32, FpAdd
+from strapdown.fp import BINARY32, FpAdd, Rounding
 
-from .support import FORMATS, Bank, canonical, expected, pairs_for, sign_bit, vectors
+from . import oracle
+from .support import FORMATS, Bank, assert_equal, canonical, expected, pairs_for, random_pairs, sign_bit, vectors
 
-LATENCIES = {"binary32_gradual": (1, 3, 6), "binary32_flush": (1, 2, 4, 5, 6)}
+LATENCIES = {"binary32_gradual": (1, 3, 5, 8), "binary32_flush": (1, 2, 3, 4, 5, 6, 7, 8)}
 
 
 @pytest.fixture(scope="module")
 def bank(models, tmp_path_factory):
     operators = {f"{name}_{latency}": FpAdd(fmt, latency=latency)
-                 for name, fmt in FORMATS.items() for latency in LATENCIES.get(name, (4,))}
+                 for name, fmt in FORMATS.items() for latency in LATENCIES.get(name, (5,))}
+    operators["flags"] = FpAdd(BINARY32, flags=True)
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
-@pytest.mark.parametrize("latency", [-1, 0, 7])
+@pytest.fixture(scope="module")
+def directed(models, tmp_path_factory):
+    """Every rounding, with flags; every depth among them."""
+    operators = {f"{name}_{rounding.value}": FpAdd(FORMATS[name], latency=1 + (3 * place + shift) % 8,
+                                                   rounding=rounding, flags=True)
+                 for shift, name in enumerate(("binary32_gradual", "binary32_flush"))
+                 for place, rounding in enumerate(Rounding)}
+    return Bank(operators).build(models, tmp_path_factory.mktemp("directed"))
+
+
+@pytest.mark.parametrize("latency", [-1, 0, 9])
 def test_latency_out_of_range(latency):
-    with pytest.raises(ValueError, match=f"^latency must be from 1 to 6, not {latency}$"):
+    with pytest.raises(ValueError, match=f"^latency must be from 1 to 8, not {latency}$"):
         FpAdd(BINARY32, latency=latency)
 
 
 def test_properties():
     add = FpAdd(BINARY32)
-    assert (add.format, add.latency, add.interval) == (BINARY32, 4, 1)
+    assert (add.format, add.latency, add.interval, add.rounding) == (BINARY32, 5, 1, Rounding.NEAREST_EVEN)
+    assert "flags" not in add.signature.members
+    assert FpAdd(BINARY32, rounding="upward").rounding is Rounding.UPWARD
+
+
+def test_no_such_rounding():
+    with pytest.raises(ValueError, match=r"^'nearest' is not a valid Rounding$"):
+        FpAdd(BINARY32, rounding="nearest")
 
 
 def test_twin_broadcasts():
@@ -42,7 +61,7 @@ def test_twin_broadcasts():
 @pytest.mark.parametrize(("file", "subtract"), [("f32_add", 0), ("f32_sub", 1)])
 def test_testfloat(bank, file, subtract):
     case = vectors(file)
-    bank.check(BINARY32, canonical(BINARY32, case["result"]), a=case["a"], b=case["b"],
+    bank.check(BINARY32, canonical(BINARY32, case["result"]), case["flags"], a=case["a"], b=case["b"],
                subtract=np.full(len(case["a"]), subtract, dtype=np.uint64))
 
 
@@ -55,6 +74,25 @@ def test_sums(bank, name):
     b_or_negative = b ^ subtract * sign_bit(fmt)
     wanted = expected(fmt, np.add, a, b_or_negative, exact=operator.add)
     bank.check(fmt, wanted, a=a, b=b, subtract=subtract)
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush"])
+def test_roundings(directed, name):
+    fmt, rng = FORMATS[name], np.random.default_rng(2)
+    a, b = random_pairs(fmt, 6000, rng)
+    subtract = rng.integers(0, 2, len(a), dtype=np.uint64)
+    operands = {"a": a, "b": b, "subtract": subtract}
+    results = directed.run(**operands)
+    data = [[oracle.datum(fmt, encoding) for encoding in rows.tolist()] for rows in (a, b ^ subtract * sign_bit(fmt))]
+    for rounding in Rounding:
+        wanted = np.array([oracle.add(fmt, *pair, rounding.value) for pair in zip(*data, strict=True)]).T
+        circuit, op = results[f"{name}_{rounding.value}"], directed.operators[f"{name}_{rounding.value}"]
+        numbers = fmt.from_bits(a), fmt.from_bits(b), subtract.astype(bool)
+        for kind, rows, twin in zip(("result", "flags"), wanted, (fmt.to_bits(op.compute(*numbers)),
+                                                                  op.compute_flags(*numbers)), strict=True):
+            assert_equal(f"{rounding}, {kind}", circuit[kind], rows, operands)
+            assert_equal(f"{rounding}, {kind} of twin", twin, rows, operands)
 
 
 @pytest.mark.verilator

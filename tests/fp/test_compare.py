@@ -18,6 +18,8 @@ OPERATIONS = {"==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": oper
 def bank(models, tmp_path_factory):
     operators = {f"{name}_{latency}": FpCompare(fmt, latency=latency)
                  for name, fmt in FORMATS.items() for latency in ((1, 2) if fmt.width == 32 else (1,))}
+    operators |= {kind: FpCompare(BINARY32, signalling=kind == "signalling", flags=True)
+                  for kind in ("quiet", "signalling")}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
@@ -38,10 +40,9 @@ def check(bank, fmt, relations, **operands):
             continue
         for relation, wanted in relations.items():
             assert_equal(f"{name}: {relation}", results[name][relation], wanted, operands)
-        if fmt.width >= 16:
-            twin = compare.compute(*(fmt.from_bits(rows) for rows in operands.values()))
-            for relation, wanted in relations.items():
-                assert_equal(f"{name}: {relation}, twin", getattr(twin, relation), wanted, operands)
+        twin = compare.compute(*(fmt.from_bits(rows) for rows in operands.values()))
+        for relation, wanted in relations.items():
+            assert_equal(f"{name}: {relation}, twin", getattr(twin, relation), wanted, operands)
 
 
 @pytest.mark.parametrize("latency", [-1, 0, 3])
@@ -58,7 +59,7 @@ def test_no_such_relation():
 
 def test_properties():
     compare, relation = FpCompare(BINARY32), FpRelation(BINARY32, "<=")
-    assert (compare.format, compare.latency, compare.interval) == (BINARY32, 1, 1)
+    assert (compare.format, compare.latency, compare.interval, compare.signalling) == (BINARY32, 1, 1, False)
     assert (relation.format, relation.relation, relation.latency, relation.interval) == (BINARY32, "<=", 1, 1)
 
 
@@ -66,7 +67,13 @@ def test_properties():
 def test_testfloat(bank):
     less, equal, less_or_equal = (vectors(f"f32_{name}") for name in ("lt", "eq", "le"))
     np.testing.assert_array_equal(less_or_equal["result"], less["result"] | equal["result"])
-    check(bank, BINARY32, {"less": less["result"], "equal": equal["result"]}, a=less["a"], b=less["b"])
+    operands = {"a": less["a"], "b": less["b"]}
+    check(bank, BINARY32, {"less": less["result"], "equal": equal["result"]}, **operands)
+    np.testing.assert_array_equal(less_or_equal["flags"], less["flags"])
+    results, numbers = bank.run(**operands), [BINARY32.from_bits(rows) for rows in operands.values()]
+    for name, case in (("quiet", equal), ("signalling", less)):
+        assert_equal(f"{name}, flags", results[name]["flags"], case["flags"], operands)
+        assert_equal(f"{name}, flags of twin", bank.operators[name].compute_flags(*numbers), case["flags"], operands)
 
 
 @pytest.mark.verilator
@@ -92,9 +99,8 @@ def test_single_relations(single, name):
     for operation in OPERATIONS.values():
         key, wanted = f"{name}_{operation.__name__}", operation(*numbers)
         assert_equal(key, results[key]["result"], wanted, {"a": a, "b": b})
-        if fmt.width == 32:
-            twin = single.operators[key].compute(fmt.from_bits(a), fmt.from_bits(b))
-            assert_equal(f"{key}, twin", twin, wanted, {"a": a, "b": b})
+        twin = single.operators[key].compute(fmt.from_bits(a), fmt.from_bits(b))
+        assert_equal(f"{key}, twin", twin, wanted, {"a": a, "b": b})
 
 
 @pytest.mark.verilator

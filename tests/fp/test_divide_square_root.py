@@ -6,7 +6,7 @@ import operator
 import numpy as np
 import pytest
 
-from strapdown.fp import BINARY16, BINARY32, FpDivide, FpDivideSquareRoot, FpSquareRoot
+from strapdown.fp import BINARY16, BINARY32, FpDivide, FpDivideSquareRoot, FpSquareRoot, Rounding
 
 from .support import (
     FORMATS,
@@ -25,14 +25,16 @@ from .support import (
 
 FLUSH = BINARY32.with_subnormals("flush")
 # Bits in a cycle of the pipelined circuits.
-PIPELINED = {"float8_gradual": 2, "binary16_gradual": 4, "binary16_flush": 5, "binary32_gradual": 8,
-             "binary32_flush": 2}
+PIPELINED = {"float8_gradual": 2, "bfloat16_gradual": 4, "binary16_gradual": 4, "binary16_flush": 5,
+             "binary32_gradual": 8, "binary32_flush": 2}
 
 
 @pytest.fixture(scope="module")
 def pipelined(models, tmp_path_factory):
     operators = {f"{make.__name__}_{name}": make(FORMATS[name], bits_per_cycle=count)
                  for name, count in PIPELINED.items() for make in (FpDivide, FpSquareRoot)}
+    operators |= {f"{make.__name__}_flags": make(BINARY32, bits_per_cycle=7, flags=True)
+                  for make in (FpDivide, FpSquareRoot)}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
@@ -40,6 +42,7 @@ def pipelined(models, tmp_path_factory):
 def shared(models, tmp_path_factory):
     """The circuit that cores are made of: few kinds, many cases."""
     operators = {"gradual": FpDivideSquareRoot(BINARY32), "flush": FpDivideSquareRoot(FLUSH),
+                 "flags": FpDivideSquareRoot(BINARY32, bits_per_cycle=3, flags=True),
                  "flush_3": FpDivideSquareRoot(FLUSH, bits_per_cycle=3)}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
@@ -67,11 +70,19 @@ def test_bits_per_cycle_out_of_range(make, bits):
 
 def test_properties():
     pipelined, iterative, both = FpDivide(BINARY32), FpSquareRoot(BINARY16, iterative=True), \
-        FpDivideSquareRoot(FLUSH, bits_per_cycle=3)
+        FpDivideSquareRoot(FLUSH, bits_per_cycle=3, rounding="downward")
     assert (pipelined.format, pipelined.bits_per_cycle, pipelined.iterative) == (BINARY32, 2, False)
     assert (pipelined.latency, pipelined.interval) == (14, 1)
     assert (iterative.latency, iterative.interval, iterative.iterative) == (8, 7, True)
     assert (both.latency, both.interval, both.iterative) == (10, 9, True)
+    assert (pipelined.rounding, both.rounding) == (Rounding.NEAREST_EVEN, Rounding.DOWNWARD)
+    assert "flags" not in both.signature.members
+
+
+@pytest.mark.parametrize("make", [FpDivide, FpSquareRoot, FpDivideSquareRoot])
+def test_no_such_rounding(make):
+    with pytest.raises(ValueError, match=r"^'nearest' is not a valid Rounding$"):
+        make(BINARY32, rounding="nearest")
 
 
 def test_twins_broadcast():
@@ -101,14 +112,14 @@ def near_least_normal(fmt, count, rng):
 @pytest.mark.verilator
 def test_testfloat_division(pipelined):
     case = vectors("f32_div")
-    pipelined.check(BINARY32, canonical(BINARY32, case["result"]), a=case["a"], b=case["b"])
+    pipelined.check(BINARY32, canonical(BINARY32, case["result"]), case["flags"], a=case["a"], b=case["b"])
 
 
 @pytest.mark.verilator
 @pytest.mark.parametrize("file", ["f32_sqrt", "f32_sqrt_level2"])
 def test_testfloat_square_root(pipelined, file):
     case = vectors(file)
-    pipelined.check(BINARY32, canonical(BINARY32, case["result"]), a=case["a"])
+    pipelined.check(BINARY32, canonical(BINARY32, case["result"]), case["flags"], a=case["a"])
 
 
 @pytest.mark.verilator
@@ -120,8 +131,9 @@ def test_testfloat_shared(shared):
         "square_root": np.repeat(np.uint64([0, 1]), [len(division["a"]), len(root["a"])]),
     }
     wanted = canonical(BINARY32, np.concatenate([division["result"], root["result"]]))
+    flags = np.concatenate([division["flags"], root["flags"]])
     order = np.random.default_rng(4).permutation(len(wanted))
-    shared.check(BINARY32, wanted[order], **{name: rows[order] for name, rows in operands.items()})
+    shared.check(BINARY32, wanted[order], flags[order], **{name: rows[order] for name, rows in operands.items()})
 
 
 @pytest.mark.verilator

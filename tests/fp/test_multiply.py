@@ -6,40 +6,62 @@ import operator
 import numpy as np
 import pytest
 
-from strapdown.fp import BINARY32, FpMultiply
+from strapdown.fp import BINARY32, FpMultiply, Rounding
 
+from . import oracle
 from .support import (
     FORMATS,
     Bank,
+    assert_equal,
     canonical,
     decode,
     expected,
     pairs_for,
     random_numbers,
+    random_pairs,
     sign_bit,
     vectors,
     with_exponent,
 )
 
-LATENCIES = {"binary32_gradual": (1, 3, 5), "binary32_flush": (1, 2, 3, 4)}
+LATENCIES = {"binary32_gradual": (1, 2, 3, 6), "binary32_flush": (1, 2, 3, 4, 5, 6)}
 
 
 @pytest.fixture(scope="module")
 def bank(models, tmp_path_factory):
     operators = {f"{name}_{latency}": FpMultiply(fmt, latency=latency)
-                 for name, fmt in FORMATS.items() for latency in LATENCIES.get(name, (3,))}
+                 for name, fmt in FORMATS.items() for latency in LATENCIES.get(name, (2,))}
+    operators["flags"] = FpMultiply(BINARY32, flags=True)
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
-@pytest.mark.parametrize("latency", [-1, 0, 6])
+@pytest.fixture(scope="module")
+def directed(models, tmp_path_factory):
+    """Every rounding, with flags, at several depths."""
+    operators = {f"{name}_{rounding.value}": FpMultiply(FORMATS[name], latency=1 + (place + 3 * shift) % 6,
+                                                        rounding=rounding, flags=True)
+                 for shift, name in enumerate(("binary32_gradual", "binary32_flush"))
+                 for place, rounding in enumerate(Rounding)}
+    return Bank(operators).build(models, tmp_path_factory.mktemp("directed"))
+
+
+@pytest.mark.parametrize("latency", [-1, 0, 7])
 def test_latency_out_of_range(latency):
-    with pytest.raises(ValueError, match=f"^latency must be from 1 to 5, not {latency}$"):
+    with pytest.raises(ValueError, match=f"^latency must be from 1 to 6, not {latency}$"):
         FpMultiply(BINARY32, latency=latency)
 
 
 def test_properties():
     multiply = FpMultiply(BINARY32)
-    assert (multiply.format, multiply.latency, multiply.interval) == (BINARY32, 3, 1)
+    assert (multiply.format, multiply.latency, multiply.interval) == (BINARY32, 2, 1)
+    assert multiply.rounding is Rounding.NEAREST_EVEN
+    assert "flags" not in multiply.signature.members
+    assert FpMultiply(BINARY32, rounding="upward").rounding is Rounding.UPWARD
+
+
+def test_no_such_rounding():
+    with pytest.raises(ValueError, match=r"^'nearest' is not a valid Rounding$"):
+        FpMultiply(BINARY32, rounding="nearest")
 
 
 def test_twin_broadcasts():
@@ -52,7 +74,7 @@ def test_twin_broadcasts():
 @pytest.mark.verilator
 def test_testfloat(bank):
     case = vectors("f32_mul")
-    bank.check(BINARY32, canonical(BINARY32, case["result"]), a=case["a"], b=case["b"])
+    bank.check(BINARY32, canonical(BINARY32, case["result"]), case["flags"], a=case["a"], b=case["b"])
 
 
 @pytest.mark.verilator
@@ -77,6 +99,23 @@ def test_products_beside_the_least_normal_number(bank, name):
         # The rounded product alone does not tell which results are to be flushed.
         rounded = fmt.to_bits(fmt.from_bits(a) * fmt.from_bits(b)) & ~sign_bit(fmt)
         assert ((rounded == fmt.least_normal) & (wanted & ~sign_bit(fmt) == 0)).any()
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush"])
+def test_roundings(directed, name):
+    fmt, rng = FORMATS[name], np.random.default_rng(4)
+    a, b = random_pairs(fmt, 6000, rng)
+    results = directed.run(a=a, b=b)
+    data = [[oracle.datum(fmt, encoding) for encoding in rows.tolist()] for rows in (a, b)]
+    for rounding in Rounding:
+        wanted = np.array([oracle.multiply(fmt, *pair, rounding.value) for pair in zip(*data, strict=True)]).T
+        circuit, op = results[f"{name}_{rounding.value}"], directed.operators[f"{name}_{rounding.value}"]
+        numbers = fmt.from_bits(a), fmt.from_bits(b)
+        for kind, rows, twin in zip(("result", "flags"), wanted, (fmt.to_bits(op.compute(*numbers)),
+                                                                  op.compute_flags(*numbers)), strict=True):
+            assert_equal(f"{rounding}, {kind}", circuit[kind], rows, {"a": a, "b": b})
+            assert_equal(f"{rounding}, {kind} of twin", twin, rows, {"a": a, "b": b})
 
 
 @pytest.mark.verilator

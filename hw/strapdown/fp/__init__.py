@@ -9,4 +9,5 @@ from .min_max import *
 from .multiply import *
 from .reciprocal_square_root import *
 from .resize import *
+from .rounding import *
 from .select import *

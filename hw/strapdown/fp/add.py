@@ -3,8 +3,10 @@
 import numpy as np
 from amaranth import *
 
-from .pipeline import PipelinedOperator
-from .stages import normalise, round_nearest_even, shift_right_sticky, unpack
+from . import exact
+from .pipeline import PipelinedOperator, pick
+from .rounding import Rounding, flags_member
+from .stages import pack, unpack
 
 __all__ = ["FpAdd"]
 
@@ -17,7 +19,11 @@ class FpAdd(PipelinedOperator):
     format : FloatFormat
         Format of operands and result.
     latency : int
-        Register ranks, 1 to 6.
+        Register ranks, 1 to 8.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -25,105 +31,194 @@ class FpAdd(PipelinedOperator):
         Operands, any unit, and whether ``b`` is subtracted; taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even.
-    Special values: x - x is +0; infinity - infinity and NaN operands give the format's NaN.
-    Raises: ValueError if ``latency`` is out of range.
+    Accuracy: correctly rounded.
+    Special values: x - x is +0, or -0 if rounded downward; infinity - infinity and NaN operands
+    give the format's NaN.
+    Flags: invalid for infinity - infinity and signalling NaNs; overflow, inexact and, where
+    subnormals are flushed, underflow, as in ``Flags``.
+    Raises: ValueError if ``latency`` or ``rounding`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operations *addition* and *subtraction*.
     """
 
-    CUTS = ("swap", "align", "sum", "normalise", "exponent", "result")
-    CUT_PRIORITY = ("result", "align", "sum", "exponent", "swap", "normalise")
-    DEFAULT_LATENCY = 4
+    # The priority follows the longest paths of placed and routed circuits on an ECP5.
+    CUTS = ("distance", "shift", "align", "sum", "coarse", "normalise", "round", "result")
+    CUT_PRIORITY = ("result", "align", "normalise", "coarse", "shift", "round", "sum", "distance")
+    DEFAULT_LATENCY = 5
 
-    def __init__(self, format, *, latency=None):
+    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         self._format = format
+        self._rounding = Rounding(rounding)
+        self._flags = bool(flags)
         super().__init__({"a": format.layout, "b": format.layout, "subtract": 1},
-                         {"result": format.layout}, latency=latency)
+                         {"result": format.layout, **flags_member(flags)}, latency=latency)
 
     @property
     def format(self):
         """Format of operands and result."""
         return self._format
 
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
+
     def compute(self, a, b, subtract=False):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
-        fmt = self._format
-        a, b = fmt.array(a), fmt.array(b)
-        with np.errstate(all="ignore"):
-            # A sum below the least normal number is exact: flushing needs no look at rounding.
-            return fmt.canonical(fmt.flush(a + np.where(subtract, -b, b)))
+        return exact.by_numpy(self._format, self._rounding, np.add, exact.add, a, self._addend(b, subtract))
+
+    def compute_flags(self, a, b, subtract=False):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.add(self._format, a, self._addend(b, subtract), self._rounding)[1]
+
+    def _addend(self, b, subtract):
+        # The sign bit is flipped in the encoding: a format may lack a NumPy type.
+        sign = np.asarray(subtract, dtype=bool).astype(np.uint64) << np.uint64(self._format.width - 1)
+        return self._format.from_bits(self._format.to_bits(b).astype(np.uint64) ^ sign)
 
     def elaborate(self, platform):
         m = Module()
         fmt = self._format
         rank = self.ranks(m)
+        width = fmt.exponent_width
 
-        # Unpack, and swap so that |larger| >= |smaller|: the encodings compare like integers.
+        # Unpack, and subtract the exponents. Flushing needs no look at a hidden bit: a zero that is
+        # the smaller operand is shifted out, and two zeros are a matter of flags.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
         b_sign = self.b.sign ^ self.subtract
-        swap = Signal()
-        m.d.comb += swap.eq(Cat(self.a.fraction, self.a.exponent) < Cat(self.b.fraction, self.b.exponent))
         opposite = a.sign ^ b_sign
-        is_nan = a.is_nan | b.is_nan | (a.is_infinite & b.is_infinite & opposite)
+        cancels = a.is_infinite & b.is_infinite & opposite
+        difference = Signal(width + 1)
+        m.d.comb += difference.eq(b.exponent - a.exponent)
+        classes = {
+            "opposite": opposite, "is_nan": a.is_nan | b.is_nan | cancels, "is_infinite": a.is_infinite | b.is_infinite,
+            "zero_sign": a.sign | b_sign if self._rounding is Rounding.DOWNWARD else a.sign & b_sign}
+        if self._flags:
+            classes["invalid"] = a.is_signalling | b.is_signalling | cancels
         s = rank(
-            "swap",
-            sign=Mux(swap, b_sign, a.sign), opposite=opposite, is_nan=is_nan,
-            is_infinite=a.is_infinite | b.is_infinite, both_negative=a.sign & b_sign,
-            exponent=Mux(swap, b.exponent, a.exponent),
-            distance=Mux(swap, b.exponent - a.exponent, a.exponent - b.exponent)[:fmt.exponent_width],
-            larger=Mux(swap, b.significand, a.significand),
-            smaller=Mux(swap, a.significand, b.significand))
+            "distance", **classes, difference=difference, a_sign=a.sign, b_sign=b_sign,
+            a_exponent=a.exponent, b_exponent=b.exponent, a_is_zero=a.is_zero, b_is_zero=b.is_zero,
+            a_significand=a.significand if fmt.gradual else Cat(self.a.fraction, C(1, 1)),
+            b_significand=b.significand if fmt.gradual else Cat(self.b.fraction, C(1, 1)))
 
-        # Align. Guard, round and sticky bits below the smaller significand suffice: if it moves
-        # by two or more, the difference loses at most one leading bit.
-        extended = Signal(fmt.precision + 3)
-        m.d.comb += extended.eq(Cat(C(0, 3), s.smaller))
-        aligned = shift_right_sticky(m, extended, s.distance, "align")
+        # The operand of the smaller exponent moves right, into a guard and a round bit and a sticky
+        # bit; the sum needs no more. If that is b, the distance is the difference negated: its
+        # complement, and one place more, which is wired in. Far operands leave the sticky bit only.
+        swap = ~s.difference[-1]
+        levels = (fmt.precision + 3).bit_length()
+        distance = Cat(s.difference[:-1] ^ s.difference[-1].replicate(width), C(0, max(levels - width, 0)))
+        smaller_is_zero = Mux(swap, s.a_is_zero, s.b_is_zero)
+        far = Signal()
+        m.d.comb += far.eq(distance[levels:].any() | (smaller_is_zero & (not fmt.gradual)))
+        near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
+        moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
+        fine = min(3, levels)
+        aligned, sticky = _shift_right(m, near, moves[:fine], 0)
         s = rank(
-            "align",
-            sign=s.sign, opposite=s.opposite, is_nan=s.is_nan, is_infinite=s.is_infinite,
-            both_negative=s.both_negative, exponent=s.exponent, larger=s.larger, smaller=aligned)
+            "shift", **pick(s, classes), sign=Mux(swap, s.b_sign, s.a_sign),
+            exponent=Mux(swap, s.b_exponent, s.a_exponent), larger=Mux(swap, s.b_significand, s.a_significand),
+            aligned=aligned, sticky=sticky, moves=moves[fine:], smaller_is_zero=smaller_is_zero,
+            both_are_zero=s.a_is_zero & s.b_is_zero)
+        aligned, lost = _shift_right(m, s.aligned, s.moves, fine)
+        sticky = (s.sticky | lost) & ~(s.smaller_is_zero & (not fmt.gradual))
+        numbers = ("sign", "exponent", "both_are_zero")
+        s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))
 
-        # Add or subtract magnitudes; the larger one comes first, so the result is not negative.
-        # A subtraction is the addition of the inverse and of one, put where ``larger`` has no bits.
+        # Add. A difference is made as smaller + ~larger = -(larger - smaller) - 1: inverted again it
+        # is larger - smaller. Left as it is where that would be negative, which needs equal exponents,
+        # it lacks one unit in the last of its low bits, which are ones then: it will be rounded up.
         total = Signal(fmt.precision + 4)
-        addend = Cat(s.smaller, C(0, 1)) ^ s.opposite.replicate(len(total))
-        m.d.comb += total.eq(Cat(s.opposite, C(0, 2), s.larger) + addend)
-        s = rank(
-            "sum",
-            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, both_negative=s.both_negative,
-            exponent=s.exponent, total=total)
+        larger = Cat(C(0, 3), s.larger, C(0, 1))
+        m.d.comb += total.eq(s.smaller + (larger ^ s.opposite.replicate(len(total))))
+        s = rank("sum", **pick(s, classes, numbers), total=total)
+        magnitude = Signal.like(total)
+        m.d.comb += magnitude.eq(s.total ^ (s.opposite & s.total[-1]).replicate(len(total)))
+        lacks_unit = s.opposite & ~s.total[-1]
+        # The top bit weighs twice the larger operand's hidden one.
+        overflow = magnitude[-1] & (s.exponent == fmt.exponent_special - 1)
+        classes = {**pick(s, classes), "overflow": overflow}
+        del classes["opposite"]
+        if self._flags or not self._rounding.is_nearest:
+            classes["lacks_unit"] = lacks_unit
 
-        # Normalise. The top bit of ``total`` weighs 2**(exponent + 1), that of a subnormal 2**1:
-        # no total moves by more than ``exponent``.
-        significand, zeros = normalise(m, s.total, "normalise", limit=s.exponent if fmt.gradual else None)
-        s = rank(
-            "normalise",
-            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, both_negative=s.both_negative,
-            exponent=s.exponent, zeros=zeros, significand=significand)
+        # Normalise. The lowest bit is sticky or a one that lacks a unit, so it is what follows. A
+        # subnormal keeps the weight of exponent 1: no move by more than ``exponent``.
+        room = s.exponent[levels:].any() if fmt.gradual else C(1)
+        magnitude, moved, room = _move_left(m, magnitude, levels - 1, s.exponent, room)
+        s = rank("coarse", **classes, sign=s.sign ^ lacks_unit, exponent=s.exponent, both_are_zero=s.both_are_zero,
+                 magnitude=magnitude, moved=moved, room=room)
+        magnitude, room, zeros = s.magnitude, s.room, s.moved
+        for level in reversed(range(levels - 1)):
+            magnitude, moved, room = _move_left(m, magnitude, level, s.exponent, room)
+            zeros = Cat(moved, zeros)
+        s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
 
-        # Exponent, and special results, which the rounding then leaves as they are.
-        exponent = Signal(signed(fmt.exponent_width + 2))
-        m.d.comb += exponent.eq(s.exponent + 1 - s.zeros)
-        is_zero = ~(s.significand.any() if fmt.gradual else s.significand[-1])
-        is_tiny = ~s.significand[-1] if fmt.gradual else is_zero | (exponent < 1)
-        is_special = s.is_nan | s.is_infinite | (exponent == fmt.exponent_special)
-        stored, significand = Signal(fmt.exponent_width), Signal(fmt.precision + 4)
-        with m.If(is_special):
-            m.d.comb += [stored.eq(fmt.exponent_special), significand[-2].eq(s.is_nan)]
-        with m.Elif(is_tiny):
-            m.d.comb += significand.eq(s.significand if fmt.gradual else 0)
-        with m.Else():
-            m.d.comb += [stored.eq(exponent), significand.eq(s.significand)]
-        # An exact zero has the sign of equal operands' signs, else +: round to nearest.
-        sign = Mux(is_zero, s.both_negative, s.sign) & ~s.is_nan
-        s = rank("exponent", sign=sign, exponent=stored, significand=significand)
+        # Round, and reckon the exponent in the same addition: 1 - zeros, of which all bits but the
+        # lowest are those of -(zeros >> 1); a subnormal has the exponent 0.
+        significand, guard, sticky = s.magnitude[4:], s.magnitude[3], s.magnitude[:3].any()
+        change = Cat(~s.zeros[0], *(s.zeros[bit] ^ s.zeros[1:bit].any() for bit in range(1, levels)),
+                     s.zeros[1:].any().replicate(max(width + 1 - levels, 0)))[:width + 1]
+        exponent = s.exponent
+        if fmt.gradual:
+            is_zero = ~s.magnitude.any()
+            change, exponent = (value & significand[-1].replicate(len(value)) for value in (change, exponent))
+        else:
+            is_zero = ~significand[-1] | s.both_are_zero
+        up = self._rounding.increments(s.sign, significand[0], guard, sticky)
+        if not self._rounding.is_nearest:
+            up = Mux(s.lacks_unit, 1, up)
+        rounded = Signal(fmt.fraction_width + width + 1)
+        m.d.comb += rounded.eq(Cat(significand[:-1], exponent) + Cat(up, C(0, fmt.fraction_width - 1), change))
+        outcome = {"is_nan": s.is_nan, "is_infinite": s.is_infinite, "overflow": s.overflow, "is_zero": is_zero,
+                   "sign": Mux(is_zero, s.zero_sign, s.sign)}
+        if self._flags:
+            outcome |= {"invalid": s.invalid, "inexact": (guard | sticky) & ~s.lacks_unit}
+        s = rank("round", **outcome, rounded=rounded)
 
-        # Round: significand, guard bit, and three bits that only count as sticky.
-        encoded = round_nearest_even(
-            fmt, s.exponent, s.significand[4:], s.significand[3], s.significand[:3].any())
-        s = rank("result", result=Cat(encoded, s.sign))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        # Pack. What lies below the least normal number is exact, so rounding did not lift it.
+        encoded, exponent = s.rounded[:-1], s.rounded[fmt.fraction_width:]
+        tiny = (exponent[-1] | ~exponent[:-1].any()) & (not fmt.gradual)
+        away = self._rounding.increments(s.sign, C(1), C(1), C(1))
+        outputs = {"result": pack(
+            m, fmt, s.sign, Mux(s.overflow & ~away, fmt.infinity - 1, encoded), is_nan=s.is_nan,
+            is_infinite=s.is_infinite | (s.overflow & away), is_zero=s.is_zero | tiny)}
+        if self._flags:
+            is_finite = ~(s.is_nan | s.is_infinite | s.is_zero)
+            underflow = tiny & ~s.overflow
+            outputs["flags"] = Cat(
+                is_finite & (s.inexact | s.overflow | underflow), is_finite & underflow,
+                is_finite & (s.overflow | (exponent[:-1].all() & ~exponent[-1])), C(0, 1), s.invalid)
+        s = rank("result", **outputs)
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m
+
+
+def _shift_right(m, value, moves, level):
+    """``value`` shifted right by ``moves`` * 2**level, and whether a one was shifted out."""
+    lost = C(0)
+    for move in moves:
+        step = 1 << level
+        shifted = Signal(len(value), name=f"align_by_{step}")
+        m.d.comb += shifted.eq(Mux(move, value[step:], value))
+        lost |= move & value[:step].any()
+        value, level = shifted, level + 1
+    return value, lost
+
+
+def _move_left(m, value, level, limit, room):
+    """``value`` shifted left by 2**level, its lowest bit repeated, if it has as many leading zeros.
+
+    Not more than ``limit`` in all, unless ``room`` says that its higher bits, less the moves of
+    higher levels, are not zero. Returns (shifted value, whether it moved, ``room`` for the next level).
+    """
+    step = 1 << level
+    here = limit[level] if level < len(limit) else C(0)
+    moves = Signal(name=f"normalise_moves_{step}")
+    shifted = Signal(len(value), name=f"normalise_by_{step}")
+    m.d.comb += [moves.eq(~value[-step:].any() & (room | here)),
+                 shifted.eq(Mux(moves, Cat(value[0].replicate(step), value[:-step]), value))]
+    return shifted, moves, room | (here & ~moves)

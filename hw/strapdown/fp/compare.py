@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from amaranth import *
 
+from . import exact
 from .pipeline import PipelinedOperator
+from .rounding import Flags, flags_member
 from .stages import unpack
 
 __all__ = ["FpCompare", "FpRelation", "Relations", "RELATIONS"]
@@ -36,6 +38,12 @@ def _relations(fmt, a, b):
     return Relations(a < b, a == b, np.isnan(a) | np.isnan(b))
 
 
+def _flags(fmt, signalling, a, b):
+    a, b = exact.unpack(fmt, a), exact.unpack(fmt, b)
+    invalid = a.is_nan | b.is_nan if signalling else a.is_signalling | b.is_signalling
+    return invalid * np.uint8(Flags.INVALID)
+
+
 class FpCompare(PipelinedOperator):
     """Relations between two floating-point numbers; ``RELATIONS`` makes any of the six.
 
@@ -45,6 +53,10 @@ class FpCompare(PipelinedOperator):
         Format of the operands.
     latency : int
         Register ranks, 1 or 2.
+    signalling : bool
+        Whether a quiet NaN, too, is an invalid operand.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -52,10 +64,13 @@ class FpCompare(PipelinedOperator):
         Operands, any unit, taken while ``start`` is high.
     less, equal, unordered, done : Out(1), Out(1), Out(1), Out(1)
         ``a < b``, ``a = b``, and whether an operand is NaN; valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this comparison, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: exact.
     Special values: +0 = -0; a NaN is unordered with everything, itself included.
+    Flags: invalid for signalling NaNs, and for quiet ones if ``signalling``.
     Raises: ValueError if ``latency`` is out of range.
     Source: IEEE 754-2019, 5.11.
     """
@@ -64,19 +79,30 @@ class FpCompare(PipelinedOperator):
     CUT_PRIORITY = ("result", "magnitude")
     DEFAULT_LATENCY = 1
 
-    def __init__(self, format, *, latency=None):
+    def __init__(self, format, *, latency=None, signalling=False, flags=False):
         self._format = format
+        self._signalling = bool(signalling)
+        self._flags = bool(flags)
         super().__init__({"a": format.layout, "b": format.layout},
-                         {"less": 1, "equal": 1, "unordered": 1}, latency=latency)
+                         {"less": 1, "equal": 1, "unordered": 1, **flags_member(flags)}, latency=latency)
 
     @property
     def format(self):
         """Format of the operands."""
         return self._format
 
+    @property
+    def signalling(self):
+        """Whether a quiet NaN, too, is an invalid operand."""
+        return self._signalling
+
     def compute(self, a, b):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
         return _relations(self._format, a, b)
+
+    def compute_flags(self, a, b):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return _flags(self._format, self._signalling, a, b)
 
     def elaborate(self, platform):
         m = Module()
@@ -88,8 +114,9 @@ class FpCompare(PipelinedOperator):
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
         a_magnitude = Cat(self.a.fraction, self.a.exponent)
         b_magnitude = Cat(self.b.fraction, self.b.exponent)
+        invalid = a.is_nan | b.is_nan if self._signalling else a.is_signalling | b.is_signalling
         s = rank(
-            "magnitude",
+            "magnitude", **({"invalid": invalid} if self._flags else {}),
             a_sign=a.sign, b_sign=b.sign, less=a_magnitude < b_magnitude, equal=a_magnitude == b_magnitude,
             both_zero=a.is_zero & b.is_zero, unordered=a.is_nan | b.is_nan)
 
@@ -97,12 +124,12 @@ class FpCompare(PipelinedOperator):
         less = Mux(s.a_sign == s.b_sign, magnitude_is_less, s.a_sign)
         ordered = ~s.unordered
         s = rank(
-            "result",
+            "result", **({"flags": Cat(C(0, 4), s.invalid)} if self._flags else {}),
             less=less & ~s.both_zero & ordered,
             equal=(s.both_zero | (s.equal & (s.a_sign == s.b_sign))) & ordered,
             unordered=s.unordered)
-        m.d.comb += [self.less.eq(s.less), self.equal.eq(s.equal), self.unordered.eq(s.unordered),
-                     self.done.eq(rank.valid)]
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m
 
 
@@ -117,6 +144,8 @@ class FpRelation(PipelinedOperator):
         A key of ``RELATIONS``: ``==``, ``!=``, ``<``, ``<=``, ``>`` or ``>=``.
     latency : int
         Register ranks, 1 or 2.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -124,24 +153,30 @@ class FpRelation(PipelinedOperator):
         Operands, any unit, taken while ``start`` is high.
     result, done : Out(1), Out(1)
         Whether the relation holds, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this comparison, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: exact.
     Special values: +0 = -0; of a NaN and any number, itself included, only ``!=`` holds.
+    Flags: invalid for signalling NaNs; of the four relations of order, for quiet ones as well.
     Raises: ValueError if ``relation`` or ``latency`` is out of range.
-    Source: IEEE 754-2019, 5.11, the quiet predicates of table 5.3.
+    Source: IEEE 754-2019, 5.11, tables 5.1 and 5.2: the predicates that have these signs, quiet
+    for equality and signalling for order.
     """
 
     CUTS = FpCompare.CUTS
     CUT_PRIORITY = FpCompare.CUT_PRIORITY
     DEFAULT_LATENCY = FpCompare.DEFAULT_LATENCY
 
-    def __init__(self, format, relation, *, latency=None):
+    def __init__(self, format, relation, *, latency=None, flags=False):
         self._format = format
         self._relation = relation
         if relation not in RELATIONS:
             raise ValueError(f"relation must be one of {', '.join(RELATIONS)}, not {relation!r}")
-        super().__init__({"a": format.layout, "b": format.layout}, {"result": 1}, latency=latency)
+        self._flags = bool(flags)
+        super().__init__({"a": format.layout, "b": format.layout}, {"result": 1, **flags_member(flags)},
+                         latency=latency)
 
     @property
     def format(self):
@@ -153,16 +188,27 @@ class FpRelation(PipelinedOperator):
         """The relation, as it is written."""
         return self._relation
 
+    @property
+    def _signalling(self):
+        return self._relation not in ("==", "!=")
+
     def compute(self, a, b):
         """Bit-exact software twin: arrays of the format's dtype, shapes that broadcast; bool out."""
         return RELATIONS[self._relation](*_relations(self._format, a, b))
 
+    def compute_flags(self, a, b):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return _flags(self._format, self._signalling, a, b)
+
     def elaborate(self, platform):
         m = Module()
-        m.submodules.compare = compare = FpCompare(self._format, latency=self.latency)
+        m.submodules.compare = compare = FpCompare(
+            self._format, latency=self.latency, signalling=self._signalling, flags=self._flags)
         m.d.comb += [
             compare.a.eq(self.a), compare.b.eq(self.b), compare.start.eq(self.start),
             self.result.eq(RELATIONS[self._relation](compare.less, compare.equal, compare.unordered)),
             self.done.eq(compare.done),
         ]
+        if self._flags:
+            m.d.comb += self.flags.eq(compare.flags)
         return m

@@ -3,10 +3,11 @@
 import operator
 from types import SimpleNamespace
 
-import numpy as np
 from amaranth import *
 
+from . import exact
 from .pipeline import PipelinedOperator
+from .rounding import Rounding, flags_member
 from .stages import normalise, round_and_pack, shift_right_sticky, unpack
 
 __all__ = ["FpToFixed", "FixedToFp"]
@@ -15,17 +16,17 @@ __all__ = ["FpToFixed", "FixedToFp"]
 class _Converter(PipelinedOperator):
     """Base of the two converters: a floating-point format beside a fixed-point one."""
 
-    # The twins hold a fixed-point number in a float64 without error.
-    MAXIMUM_WIDTH = 54
-
-    def _set_formats(self, format, width, fraction_bits):
+    def __init__(self, operands, results, *, format, width, fraction_bits, rounding, flags, latency):
         self._format = format
         self._width = operator.index(width)
-        if not 2 <= self._width <= self.MAXIMUM_WIDTH:
-            raise ValueError(f"width must be from 2 to {self.MAXIMUM_WIDTH}, not {width!r}")
+        if self._width < 2:
+            raise ValueError(f"width must be at least 2, not {width!r}")
         self._fraction_bits = operator.index(fraction_bits)
         if not 0 <= self._fraction_bits < self._width:
             raise ValueError(f"fraction_bits must be from 0 to {self._width - 1}, not {fraction_bits!r}")
+        self._rounding = Rounding(rounding)
+        self._flags = bool(flags)
+        super().__init__(operands, {**results, **flags_member(flags)}, latency=latency)
 
     @property
     def format(self):
@@ -42,6 +43,11 @@ class _Converter(PipelinedOperator):
         """Bits of the fixed-point number behind the point."""
         return self._fraction_bits
 
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
+
 
 class FpToFixed(_Converter):
     """Fixed-point form of a floating-point number, ``result = a * 2**fraction_bits``.
@@ -51,10 +57,14 @@ class FpToFixed(_Converter):
     format : FloatFormat
         Format of the operand.
     width, fraction_bits : int
-        Bits of the result in two's complement, 2 to 54, and those behind the point, less than
+        Bits of the result in two's complement, at least 2, and those behind the point, less than
         ``width``.
     latency : int
         Register ranks, 1 to 3.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -62,30 +72,36 @@ class FpToFixed(_Converter):
         Operand, any unit, taken while ``start`` is high.
     result, done : Out(signed(width)), Out(1)
         Result in units of 2**-fraction_bits, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even.
+    Accuracy: correctly rounded.
     Special values: what exceeds the range becomes the nearest end of it, infinities included;
     NaN becomes the largest number, as in the RISC-V instruction FCVT.W.S.
-    Raises: ValueError if ``width``, ``fraction_bits`` or ``latency`` is out of range.
-    Source: IEEE 754-2019, 5.4.1, operation *convertToIntegerTiesToEven*.
+    Flags: invalid for what exceeds the range when rounded, and for NaN; else inexact.
+    Raises: ValueError if ``width``, ``fraction_bits``, ``rounding`` or ``latency`` is out of range.
+    Source: IEEE 754-2019, 5.4.1 and 5.8, operations *convertToIntegerExactTiesToEven* and its like.
     """
 
     CUTS = ("distance", "align", "result")
     CUT_PRIORITY = ("result", "align", "distance")
     DEFAULT_LATENCY = 2
 
-    def __init__(self, format, *, width, fraction_bits, latency=None):
-        self._set_formats(format, width, fraction_bits)
-        super().__init__({"a": format.layout}, {"result": signed(width)}, latency=latency)
+    def __init__(self, format, *, width, fraction_bits, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
+        super().__init__({"a": format.layout}, {"result": signed(width)}, format=format, width=width,
+                         fraction_bits=fraction_bits, latency=latency, rounding=rounding, flags=flags)
 
     def compute(self, a):
-        """Bit-exact software twin: an array of the format's dtype in, int64 out, same shape."""
-        least, largest = -(1 << self._width - 1), (1 << self._width - 1) - 1
-        with np.errstate(all="ignore"):
-            scaled = np.ldexp(self._format.array(a).astype(np.float64), self._fraction_bits)
-        rounded = np.clip(np.rint(scaled), least, largest)
-        return np.where(np.isnan(scaled), largest, rounded).astype(np.int64)
+        """Bit-exact software twin: an array of the format's dtype, any shape.
+
+        Returns int64, or Python integers in an array of objects if ``width`` is above 64.
+        """
+        return exact.to_fixed(self._format, a, self._width, self._fraction_bits, self._rounding)[0]
+
+    def compute_flags(self, a):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.to_fixed(self._format, a, self._width, self._fraction_bits, self._rounding)[1]
 
     def elaborate(self, platform):
         m = Module()
@@ -107,13 +123,19 @@ class FpToFixed(_Converter):
         # Round and negate in one addition: -(x + up) = ~x + 1 - up.
         magnitude, guard = s.aligned[-self._width:], s.aligned[-self._width - 1]
         sticky = s.aligned[:-self._width - 1].any()
-        up = guard & (sticky | magnitude[0])
+        up = self._rounding.increments(s.sign, magnitude[0], guard, sticky)
         rounded = Signal(self._width)
         m.d.comb += rounded.eq((magnitude ^ s.sign.replicate(self._width)) + (up ^ s.sign))
         saturates = s.saturates | magnitude[-1] | (rounded[-1] & ~s.sign)
         end = Cat((~s.sign).replicate(self._width - 1), s.sign)
-        s = rank("result", result=Mux(saturates, end, rounded))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        outputs = {"result": Mux(saturates, end, rounded)}
+        if self._flags:
+            # The least number of the range has a magnitude beyond it.
+            invalid = saturates & ~(s.sign & magnitude[-1] & ~magnitude[:-1].any() & ~up & ~s.saturates)
+            outputs["flags"] = Cat((guard | sticky) & ~invalid, C(0, 3), invalid)
+        s = rank("result", **outputs)
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m
 
 
@@ -125,10 +147,14 @@ class FixedToFp(_Converter):
     format : FloatFormat
         Format of the result.
     width, fraction_bits : int
-        Bits of the operand in two's complement, 2 to 54, and those behind the point, less than
+        Bits of the operand in two's complement, at least 2, and those behind the point, less than
         ``width``.
     latency : int
         Register ranks, 1 to 3.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -136,11 +162,14 @@ class FixedToFp(_Converter):
         Operand in units of 2**-fraction_bits, taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, any unit, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even.
+    Accuracy: correctly rounded.
     Special values: 0 becomes +0.
-    Raises: ValueError if ``width``, ``fraction_bits`` or ``latency`` is out of range.
+    Flags: inexact, and for formats of little range overflow and underflow, as in ``Flags``.
+    Raises: ValueError if ``width``, ``fraction_bits``, ``rounding`` or ``latency`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operation *convertFromInt*.
     """
 
@@ -148,20 +177,17 @@ class FixedToFp(_Converter):
     CUT_PRIORITY = ("result", "normalise", "magnitude")
     DEFAULT_LATENCY = 2
 
-    def __init__(self, format, *, width, fraction_bits, latency=None):
-        self._set_formats(format, width, fraction_bits)
-        super().__init__({"operand": signed(width)}, {"result": format.layout}, latency=latency)
+    def __init__(self, format, *, width, fraction_bits, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
+        super().__init__({"operand": signed(width)}, {"result": format.layout}, format=format, width=width,
+                         fraction_bits=fraction_bits, latency=latency, rounding=rounding, flags=flags)
 
     def compute(self, operand):
-        """Bit-exact software twin: an integer array in, the format's dtype out, same shape."""
-        fmt = self._format
-        exact = np.ldexp(np.asarray(operand, dtype=np.int64).astype(np.float64), -self._fraction_bits)
-        result = fmt.array(exact)
-        if fmt.gradual:
-            return result
-        # Rounding may have lifted a number to the least normal one.
-        tiny = np.abs(exact) < fmt.from_bits(fmt.least_normal).astype(np.float64)
-        return np.where(tiny, np.copysign(fmt.dtype.type(0), result), result)
+        """Bit-exact software twin: an array of integers in, the format's dtype out, same shape."""
+        return exact.from_fixed(self._format, operand, self._fraction_bits, self._rounding)[0]
+
+    def compute_flags(self, operand):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.from_fixed(self._format, operand, self._fraction_bits, self._rounding)[1]
 
     def elaborate(self, platform):
         m = Module()
@@ -184,6 +210,8 @@ class FixedToFp(_Converter):
             extended=Cat(padded[:-fmt.precision - 1].any(), padded[-fmt.precision - 1:]))
 
         number = SimpleNamespace(is_nan=C(0), is_infinite=C(0), **vars(s))
-        s = rank("result", result=round_and_pack(m, fmt, number))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        result, raised = round_and_pack(m, fmt, number, self._rounding)
+        s = rank("result", result=result, **({"flags": raised} if self._flags else {}))
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m

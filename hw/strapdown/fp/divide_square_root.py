@@ -8,7 +8,9 @@ from amaranth import *
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from . import exact
 from .pipeline import Ranks
+from .rounding import Rounding, flags_member
 from .stages import normalised, round_and_pack, unpack
 
 __all__ = ["FpDivide", "FpSquareRoot", "FpDivideSquareRoot"]
@@ -34,19 +36,27 @@ class DigitRecurrence(wiring.Component):
     # The registers that a step changes.
     _stepped: tuple[str, ...] = ("remainder", "divisor", "place", "quotient")
 
-    def __init__(self, format, operands, *, bits_per_cycle, iterative):
+    def __init__(self, format, operands, *, bits_per_cycle, iterative, rounding, flags):
         self._format = format
+        self._rounding = Rounding(rounding)
+        self._flags = bool(flags)
         self._bits_per_cycle = operator.index(bits_per_cycle)
         if not 1 <= self._bits_per_cycle <= format.precision:
             raise ValueError(f"bits_per_cycle must be from 1 to {format.precision}, not {bits_per_cycle!r}")
         self._iterative = bool(iterative)
         super().__init__({**{name: In(shape) for name, shape in operands.items()}, "start": In(1),
-                          "result": Out(format.layout), "done": Out(1)})
+                          "result": Out(format.layout), "done": Out(1),
+                          **{name: Out(shape) for name, shape in flags_member(flags).items()}})
 
     @property
     def format(self):
         """Format of operands and result."""
         return self._format
+
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
 
     @property
     def bits_per_cycle(self):
@@ -102,8 +112,9 @@ class DigitRecurrence(wiring.Component):
             s = keep(cut, self._advance(m, s)[-1])
         if self._registered_bits < self._bits:
             s = self._step(m, s)
-        s = rank("result", result=self._finish(m, s))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        s = rank("result", **self._finish(m, s))
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
 
     def _iterate(self, m, begun):
         # A one runs ahead of the quotient: its arrival at the top ends the recurrence.
@@ -122,7 +133,8 @@ class DigitRecurrence(wiring.Component):
         with m.If(accept):
             m.d.sync += [getattr(s, name).eq(value) for name, value in vars(begun).items()]
         with m.If(finishing):
-            m.d.sync += self.result.eq(self._finish(m, steps[0] if self._registered_bits < self._bits else s))
+            finished = self._finish(m, steps[0] if self._registered_bits < self._bits else s)
+            m.d.sync += [getattr(self, name).eq(value) for name, value in finished.items()]
 
     def _begin(self, m):
         """The registers' first contents, all but ``quotient``."""
@@ -148,8 +160,14 @@ class DigitRecurrence(wiring.Component):
             divisor.eq(Mux(square_root, 0, b_significand << (last - fmt.fraction_width))),
             place.eq(Mux(square_root, 1 << last, 0)),
         ]
+        raised = {}
+        if self._flags:
+            negative = a.sign & ~a.is_zero & ~a.is_nan
+            undefined = (a.is_infinite & b.is_infinite) | (a.is_zero & b.is_zero) | b.is_signalling
+            raised = {"invalid": a.is_signalling | Mux(square_root, negative, undefined),
+                      "divide_by_zero": b.is_zero & ~(square_root | a.is_zero | a.is_infinite | a.is_nan)}
         return SimpleNamespace(
-            square_root=square_root, remainder=remainder, divisor=divisor, place=place,
+            **raised, square_root=square_root, remainder=remainder, divisor=divisor, place=place,
             exponent=Mux(square_root, exponent >> 1, exponent),
             sign=a.sign ^ (b.sign & ~square_root),
             is_nan=a.is_nan | Mux(square_root, a.sign & ~a.is_zero,
@@ -179,38 +197,33 @@ class DigitRecurrence(wiring.Component):
             states.append(self._step(m, states[-1]))
         return states[1:]
 
+    @property
+    def _needs_exactness(self):
+        """Whether an exact result is to be told from one that only lies near."""
+        return self._flags or not self._rounding.is_nearest
+
     def _finish(self, m, s):
+        """The outputs: ``result``, and ``flags`` if wanted."""
         fmt = self._format
         quotient = s.quotient[:self._bits]
         # A root never lies halfway between two numbers, nor a quotient between two normal ones: the
         # root's square, or the quotient's product with the divisor, would have too many bits.
         sticky = C(1)
-        if fmt.gradual:
+        if fmt.gradual or self._needs_exactness:
+            # The subtraction that made R negative is undone: of B, or of 2Q and its last place.
+            undone = s.divisor | s.square_root if self._needs_exactness else s.divisor
             restored = Signal.like(s.remainder)
-            m.d.comb += restored.eq(s.remainder + Mux(s.remainder[-1], s.divisor, 0))
-            sticky = s.square_root | restored.any() | quotient[:-fmt.precision - 1].any()
-        return round_and_pack(m, fmt, SimpleNamespace(
-            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
-            exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:])))
+            m.d.comb += restored.eq(s.remainder + Mux(s.remainder[-1], undone, 0))
+            sticky = restored.any() | quotient[:-fmt.precision - 1].any()
+            if not self._needs_exactness:
+                sticky |= s.square_root
+        return self._outputs(m, s, exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:]))
 
-
-def _quotient(fmt, a, b):
-    a, b = fmt.array(a), fmt.array(b)
-    with np.errstate(all="ignore"):
-        result = a / b
-        if not fmt.gradual:
-            # The least normal number may be the rounded form of something below it.
-            doubtful = np.abs(result) == fmt.from_bits(fmt.least_normal)
-            if doubtful.any():
-                (x, x_exponent), (y, y_exponent) = np.frexp(np.abs(a)), np.frexp(np.abs(b))
-                below = x < np.ldexp(y, 1 - fmt.bias - x_exponent + y_exponent)
-                result = np.where(doubtful & below, np.copysign(fmt.dtype.type(0), result), result)
-        return fmt.canonical(fmt.flush(result))
-
-
-def _square_root(fmt, a):
-    with np.errstate(all="ignore"):
-        return fmt.canonical(fmt.flush(np.sqrt(fmt.array(a))))
+    def _outputs(self, m, s, **number):
+        result, raised = round_and_pack(m, self._format, SimpleNamespace(
+            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero, **number), self._rounding)
+        flags = {"flags": Cat(raised, s.divide_by_zero, s.invalid)} if self._flags else {}
+        return {"result": result, **flags}
 
 
 class FpDivide(DigitRecurrence):
@@ -224,6 +237,10 @@ class FpDivide(DigitRecurrence):
         Result bits made in one cycle, 1 to the format's precision.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -231,22 +248,26 @@ class FpDivide(DigitRecurrence):
         Operands, any unit, taken while ``start`` is high; iterative: if no operation is on.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high; iterative: until the next ``done``.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` cycles: pipelined 1, iterative ``latency`` - 1. A ``start`` that comes
     earlier is ignored. No back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even.
+    Accuracy: correctly rounded.
     Special values: x / 0 is infinity; 0 / 0, infinity / infinity and NaN operands give the
     format's NaN.
-    Raises: ValueError if ``bits_per_cycle`` is out of range.
+    Flags: divide_by_zero if a number other than zero is divided by zero; invalid for 0 / 0,
+    infinity / infinity and signalling NaNs; overflow, underflow and inexact as in ``Flags``.
+    Raises: ValueError if ``bits_per_cycle`` or ``rounding`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operation *division*.
     """
 
     _select = C(0)
 
-    def __init__(self, format, *, bits_per_cycle=2, iterative=False):
-        super().__init__(format, {"a": format.layout, "b": format.layout},
-                         bits_per_cycle=bits_per_cycle, iterative=iterative)
+    def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
+        super().__init__(format, {"a": format.layout, "b": format.layout}, bits_per_cycle=bits_per_cycle,
+                         iterative=iterative, rounding=rounding, flags=flags)
 
     @property
     def _divisor(self):
@@ -254,7 +275,11 @@ class FpDivide(DigitRecurrence):
 
     def compute(self, a, b):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
-        return _quotient(self._format, a, b)
+        return exact.by_numpy(self._format, self._rounding, np.divide, exact.divide, a, b)
+
+    def compute_flags(self, a, b):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.divide(self._format, a, b, self._rounding)[1]
 
 
 class FpSquareRoot(DigitRecurrence):
@@ -268,6 +293,10 @@ class FpSquareRoot(DigitRecurrence):
         Result bits made in one cycle, 1 to the format's precision.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -275,20 +304,25 @@ class FpSquareRoot(DigitRecurrence):
         Operand, any unit, taken while ``start`` is high; iterative: if no operation is on.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high; iterative: until the next ``done``.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` cycles: pipelined 1, iterative ``latency`` - 1. A ``start`` that comes
     earlier is ignored. No back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even.
+    Accuracy: correctly rounded.
     Special values: the root of -0 is -0; other negative operands and NaN give the format's NaN.
-    Raises: ValueError if ``bits_per_cycle`` is out of range.
+    Flags: invalid for these negative operands and signalling NaNs; inexact and underflow as in
+    ``Flags``.
+    Raises: ValueError if ``bits_per_cycle`` or ``rounding`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operation *squareRoot*.
     """
 
     _select = C(1)
 
-    def __init__(self, format, *, bits_per_cycle=2, iterative=False):
-        super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=iterative)
+    def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
+        super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=iterative,
+                         rounding=rounding, flags=flags)
 
     @property
     def _divisor(self):
@@ -296,7 +330,11 @@ class FpSquareRoot(DigitRecurrence):
 
     def compute(self, a):
         """Bit-exact software twin: an array of the format's dtype, any shape."""
-        return _square_root(self._format, a)
+        return exact.by_numpy(self._format, self._rounding, np.sqrt, exact.square_root, a)
+
+    def compute_flags(self, a):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.square_root(self._format, a, self._rounding)[1]
 
 
 class FpDivideSquareRoot(DigitRecurrence):
@@ -308,6 +346,10 @@ class FpDivideSquareRoot(DigitRecurrence):
         Format of operands and result.
     bits_per_cycle : int
         Result bits made in one cycle, 1 to the format's precision.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -316,18 +358,20 @@ class FpDivideSquareRoot(DigitRecurrence):
         taken while ``start`` is high and no operation is on.
     result, done : Out(format), Out(1)
         Result, valid from ``done`` to the next ``done``.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` = ``latency`` - 1 cycles; a ``start`` that comes earlier is ignored.
-    Accuracy: correctly rounded, to nearest, ties to even.
-    Special values: as in ``FpDivide`` and ``FpSquareRoot``.
-    Raises: ValueError if ``bits_per_cycle`` is out of range.
+    Accuracy: correctly rounded.
+    Special values and flags: as in ``FpDivide`` and ``FpSquareRoot``.
+    Raises: ValueError if ``bits_per_cycle`` or ``rounding`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operations *division* and *squareRoot*.
     """
 
-    def __init__(self, format, *, bits_per_cycle=2):
+    def __init__(self, format, *, bits_per_cycle=2, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout, "b": format.layout, "square_root": 1},
-                         bits_per_cycle=bits_per_cycle, iterative=True)
+                         bits_per_cycle=bits_per_cycle, iterative=True, rounding=rounding, flags=flags)
 
     @property
     def _select(self):
@@ -339,4 +383,11 @@ class FpDivideSquareRoot(DigitRecurrence):
 
     def compute(self, a, b, square_root):
         """Bit-exact software twin: arrays of the format's dtype and of bool, shapes that broadcast."""
-        return np.where(square_root, _square_root(self._format, a), _quotient(self._format, a, b))
+        fmt, rounding = self._format, self._rounding
+        return np.where(square_root, exact.by_numpy(fmt, rounding, np.sqrt, exact.square_root, a),
+                        exact.by_numpy(fmt, rounding, np.divide, exact.divide, a, b))
+
+    def compute_flags(self, a, b, square_root):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        fmt, rounding = self._format, self._rounding
+        return np.where(square_root, exact.square_root(fmt, a, rounding)[1], exact.divide(fmt, a, b, rounding)[1])

@@ -9,6 +9,8 @@ from functools import cached_property
 import numpy as np
 from amaranth.lib import data
 
+from .rounding import Rounding, round_encoding
+
 __all__ = ["Subnormals", "FloatFormat", "BINARY16", "BINARY32", "BINARY64"]
 
 
@@ -19,7 +21,7 @@ class Subnormals(enum.Enum):
     """IEEE 754: subnormal operands and results are exact citizens."""
     FLUSH = "flush"
     """Subnormal operands count as zero of their sign; a result whose exact value lies below
-    the least normal number becomes zero of its sign (tininess is detected before rounding)."""
+    the least normal number becomes zero of its sign, whatever the direction of rounding."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class FloatFormat:
         Policy of every circuit and twin made for this format.
 
     Every NaN that a circuit or a twin produces is ``nan``, the quiet NaN of positive sign and
-    empty payload. Rounding is to nearest, ties to even.
+    empty payload. Circuits know every format; twins those that fit into binary64.
 
     Raises: TypeError and ValueError for unusable widths or policy.
     """
@@ -123,22 +125,36 @@ class FloatFormat:
     # The NumPy side.
 
     @property
+    def is_native(self):
+        """Whether NumPy has a type of just these widths, and with it an arithmetic."""
+        return (self.exponent_width, self.fraction_width) in _DTYPES
+
+    @cached_property
+    def _container(self):
+        """Widths of the smallest NumPy type that holds all numbers of the format."""
+        for widths in _DTYPES:
+            if self.exponent_width <= widths[0] and self.fraction_width <= widths[1]:
+                return FloatFormat(*widths)
+        raise ValueError(f"{self.name} has no software twin: formats up to binary64 have "
+                         "(exponent_width 11, fraction_width 52)")
+
+    @property
     def dtype(self):
-        """The NumPy type with these widths; ValueError if NumPy has none."""
-        try:
-            return np.dtype(_DTYPES[self.exponent_width, self.fraction_width][0])
-        except KeyError:
-            raise ValueError(f"NumPy has no floating-point type for {self.name}") from None
+        """The smallest NumPy floating-point type that holds all numbers of the format.
+
+        Raises: ValueError if not even float64 does.
+        """
+        return np.dtype(_DTYPES[self._container.exponent_width, self._container.fraction_width])
 
     @property
     def bits_dtype(self):
-        """The unsigned NumPy integer of the same size as ``dtype``."""
-        return np.dtype(_DTYPES[self.exponent_width, self.fraction_width][1])
+        """The smallest unsigned NumPy integer that holds an encoding, of 64 bits at most."""
+        return np.min_scalar_type((1 << self.width) - 1)
 
     def array(self, values):
         """``values`` rounded to this format, subnormals flushed if that is the policy."""
         with np.errstate(all="ignore"):
-            return self.flush(np.asarray(values, dtype=self.dtype))
+            return self.flush(self.from_bits(self.to_bits(values)))
 
     def flush(self, values):
         """Subnormals replaced by zeros of their sign if that is the policy, else unchanged."""
@@ -152,18 +168,49 @@ class FloatFormat:
         return np.where(np.isnan(values), self.from_bits(self.nan), values)
 
     def from_bits(self, bits):
-        """Encodings (integers, any shape) to numbers of ``dtype``."""
-        return np.asarray(bits, dtype=self.bits_dtype).view(self.dtype)
+        """Encodings (integers, any shape) to numbers of ``dtype``, NaN payloads included."""
+        bits = np.asarray(bits, dtype=self.bits_dtype)
+        if self.is_native:
+            return bits.view(self.dtype)
+        holder = self._container
+        bits = bits.astype(holder.bits_dtype)
+        sign, magnitude = bits >> (self.width - 1), bits & ((1 << (self.width - 1)) - 1)
+        aligned = magnitude << (holder.fraction_width - self.fraction_width)
+        special = magnitude >= self.infinity
+        # Taken as it is, the aligned encoding is the number under the other bias.
+        numbers = np.where(special, 0, aligned).view(self.dtype)
+        scaled = np.ldexp(numbers, holder.bias - self.bias).view(holder.bits_dtype)
+        encoded = np.where(special, aligned | holder.bits_dtype.type(holder.infinity), scaled)
+        return (encoded | sign << (holder.width - 1)).view(self.dtype)
 
     def to_bits(self, values):
-        """Numbers (rounded to the format first) to encodings of ``bits_dtype``."""
-        with np.errstate(all="ignore"):
-            encodings = np.ascontiguousarray(values, dtype=self.dtype).view(self.bits_dtype)
-        return encodings.reshape(np.shape(values))
+        """Numbers to encodings of ``bits_dtype``, any shape; NaN payloads are kept.
+
+        They are rounded to the format first, to nearest, ties to even; subnormals are not flushed.
+        Where NumPy lacks the format, what is not of ``dtype`` is taken as float64.
+        """
+        if self.is_native:
+            with np.errstate(all="ignore"):
+                encodings = np.ascontiguousarray(values, dtype=self.dtype).view(self.bits_dtype)
+            return encodings.reshape(np.shape(values))
+        values = np.asarray(values)
+        holder = self._container if values.dtype == self.dtype else BINARY64
+        wide, numbers = holder.to_bits(values), np.asarray(values, dtype=holder.dtype)
+        finite = np.isfinite(numbers)
+        fraction, exponent = np.frexp(np.abs(np.where(finite, numbers, 0)).astype(np.float64))
+        encoded, _ = round_encoding(
+            self.with_subnormals(Subnormals.GRADUAL), np.signbit(numbers), exponent.astype(np.int64) - 53,
+            np.ldexp(fraction, 53).astype(np.int64), Rounding.NEAREST_EVEN)
+        # A NaN whose payload is lost turns quiet, or it would become infinite.
+        payload = wide >> (holder.fraction_width - self.fraction_width) & ((1 << self.fraction_width) - 1)
+        special = payload | self.infinity
+        special = np.where(np.isnan(numbers) & (special == self.infinity), self.nan, special)
+        special = special | wide >> (holder.width - 1) << (self.width - 1)
+        return np.where(finite, encoded, special).astype(self.bits_dtype)
 
 
 _STANDARD_NAMES = {(5, 10): "binary16", (8, 23): "binary32", (11, 52): "binary64", (8, 7): "bfloat16"}
-_DTYPES = {(5, 10): ("f2", "u2"), (8, 23): ("f4", "u4"), (11, 52): ("f8", "u8")}
+_DTYPES = {(5, 10): "f2", (8, 23): "f4", (11, 52): "f8"}
 
 BINARY16 = FloatFormat(5, 10)
 BINARY32 = FloatFormat(8, 23)

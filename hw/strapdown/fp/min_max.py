@@ -3,7 +3,9 @@
 import numpy as np
 from amaranth import *
 
+from . import exact
 from .pipeline import PipelinedOperator
+from .rounding import Flags, flags_member
 from .stages import pack, unpack
 
 __all__ = ["FpMinMax"]
@@ -18,6 +20,8 @@ class FpMinMax(PipelinedOperator):
         Format of operands and result.
     latency : int
         Register ranks, 1 or 2.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -25,12 +29,15 @@ class FpMinMax(PipelinedOperator):
         Operands, any unit, and whether the greater one is wanted; taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: exact.
     Special values: -0 is less than +0; a NaN operand gives the format's NaN, so that a lost
     measurement stays visible: these are *minimum* and *maximum*, not *minimumNumber* and
     *maximumNumber*, which would give the other operand.
+    Flags: invalid for signalling NaNs.
     Raises: ValueError if ``latency`` is out of range.
     Source: IEEE 754-2019, 9.6, operations *minimum* and *maximum*.
     """
@@ -39,10 +46,11 @@ class FpMinMax(PipelinedOperator):
     CUT_PRIORITY = ("result", "compare")
     DEFAULT_LATENCY = 1
 
-    def __init__(self, format, *, latency=None):
+    def __init__(self, format, *, latency=None, flags=False):
         self._format = format
-        super().__init__({"a": format.layout, "b": format.layout, "maximum": 1}, {"result": format.layout},
-                         latency=latency)
+        self._flags = bool(flags)
+        super().__init__({"a": format.layout, "b": format.layout, "maximum": 1},
+                         {"result": format.layout, **flags_member(flags)}, latency=latency)
 
     @property
     def format(self):
@@ -58,6 +66,11 @@ class FpMinMax(PipelinedOperator):
         chosen = np.where(less ^ np.asarray(maximum, dtype=bool), a, b)
         return fmt.canonical(np.where(np.isnan(a), a, np.where(np.isnan(b), b, chosen)))
 
+    def compute_flags(self, a, b, maximum):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        invalid = exact.unpack(self._format, a).is_signalling | exact.unpack(self._format, b).is_signalling
+        return (invalid & np.full(np.shape(maximum), True)) * np.uint8(Flags.INVALID)
+
     def elaborate(self, platform):
         m = Module()
         fmt = self._format
@@ -69,10 +82,13 @@ class FpMinMax(PipelinedOperator):
         magnitude_is_less = Cat(self.a.fraction, self.a.exponent) < Cat(self.b.fraction, self.b.exponent)
         less = Mux(a.sign == b.sign, magnitude_is_less ^ a.sign, a.sign)
         s = rank("compare", a=Value.cast(self.a), b=Value.cast(self.b), a_is_zero=a.is_zero, b_is_zero=b.is_zero,
-                 choose_a=less ^ self.maximum, is_nan=a.is_nan | b.is_nan)
+                 choose_a=less ^ self.maximum, is_nan=a.is_nan | b.is_nan,
+                 **({"invalid": a.is_signalling | b.is_signalling} if self._flags else {}))
 
         chosen = Mux(s.choose_a, s.a, s.b)
-        s = rank("result", result=pack(m, fmt, chosen[-1], chosen[:-1], is_nan=s.is_nan, is_infinite=C(0),
-                                       is_zero=Mux(s.choose_a, s.a_is_zero, s.b_is_zero)))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        result = pack(m, fmt, chosen[-1], chosen[:-1], is_nan=s.is_nan, is_infinite=C(0),
+                      is_zero=Mux(s.choose_a, s.a_is_zero, s.b_is_zero))
+        s = rank("result", result=result, **({"flags": Cat(C(0, 4), s.invalid)} if self._flags else {}))
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m

@@ -3,10 +3,15 @@
 import numpy as np
 from amaranth import *
 
-from .pipeline import PipelinedOperator
-from .stages import normalise, round_and_pack, unpack
+from . import exact
+from .pipeline import PipelinedOperator, pick
+from .rounding import Rounding, flags_member
+from .stages import normalise, pack, shift_right_sticky, unpack
 
 __all__ = ["FpMultiply"]
+
+# Bits of an operand that a DSP block multiplies at once: a DSP48E1 has 25 x 18 signed ones.
+SLICE = 17
 
 
 class FpMultiply(PipelinedOperator):
@@ -17,7 +22,11 @@ class FpMultiply(PipelinedOperator):
     format : FloatFormat
         Format of operands and result.
     latency : int
-        Register ranks, 1 to 5. From 3 on the significands' multiplier stands between two ranks.
+        Register ranks, 1 to 6.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -25,99 +34,125 @@ class FpMultiply(PipelinedOperator):
         Operands, any unit, taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even.
+    Accuracy: correctly rounded.
     Special values: 0 * infinity and NaN operands give the format's NaN.
-    Raises: ValueError if ``latency`` is out of range.
+    Flags: invalid for 0 * infinity and signalling NaNs; overflow, underflow, inexact as in ``Flags``.
+    Raises: ValueError if ``latency`` or ``rounding`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operation *multiplication*.
     """
 
-    # Nothing stands between "multiply" and "product": the two ranks after a multiplier are the
-    # registers inside a DSP block (MREG and PREG of a DSP48E1).
-    CUTS = ("unpack", "multiply", "product", "normalise", "result")
-    CUT_PRIORITY = ("result", "product", "unpack", "normalise", "multiply")
-    DEFAULT_LATENCY = 3
+    # Ranks at "unpack", "partial" and "product" are the registers that DSP blocks have inside. One
+    # between the products of the slices and their sum suits an ECP5 best, whose blocks are smaller.
+    CUTS = ("unpack", "partial", "product", "normalise", "round", "result")
+    CUT_PRIORITY = ("result", "partial", "product", "normalise", "unpack", "round")
+    DEFAULT_LATENCY = 2
 
-    def __init__(self, format, *, latency=None):
+    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         self._format = format
-        super().__init__({"a": format.layout, "b": format.layout}, {"result": format.layout}, latency=latency)
+        self._rounding = Rounding(rounding)
+        self._flags = bool(flags)
+        super().__init__({"a": format.layout, "b": format.layout},
+                         {"result": format.layout, **flags_member(flags)}, latency=latency)
 
     @property
     def format(self):
         """Format of operands and result."""
         return self._format
 
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
+
     def compute(self, a, b):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
-        fmt = self._format
-        a, b = fmt.array(a), fmt.array(b)
-        with np.errstate(all="ignore"):
-            result = a * b
-            if not fmt.gradual:
-                # The least normal number may be the rounded form of something below it.
-                doubtful = np.abs(result) == fmt.from_bits(fmt.least_normal)
-                if doubtful.any():
-                    below = doubtful & _product_is_tiny(fmt, np.abs(a), np.abs(b))
-                    result = np.where(below, np.copysign(fmt.dtype.type(0), result), result)
-            return fmt.canonical(fmt.flush(result))
+        return exact.by_numpy(self._format, self._rounding, np.multiply, exact.multiply, a, b)
+
+    def compute_flags(self, a, b):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.multiply(self._format, a, b, self._rounding)[1]
 
     def elaborate(self, platform):
         m = Module()
         fmt = self._format
         rank = self.ranks(m)
+        width = fmt.exponent_width
 
         # Unpack. A zero is a matter of flags, so flushing needs no look at the significands.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
-        exponent = Signal(signed(max(fmt.exponent_width, fmt.fraction_width.bit_length()) + 2))
+        exponent = Signal(signed(max(width, fmt.fraction_width.bit_length()) + 2))
         if fmt.gradual:
             # One normaliser is enough: the product of two subnormals is shifted right anyway.
             swap = ~b.significand[-1]
-            smaller, zeros = normalise(m, Mux(swap, b.significand, a.significand), "normalise")
-            larger = Mux(swap, a.significand, b.significand)
+            multiplicand, zeros = normalise(m, Mux(swap, b.significand, a.significand), "normalise")
+            multiplier = Mux(swap, a.significand, b.significand)
             m.d.comb += exponent.eq(a.exponent + b.exponent - fmt.bias - zeros)
         else:
-            smaller, larger = Cat(self.a.fraction, C(1, 1)), Cat(self.b.fraction, C(1, 1))
-            m.d.comb += exponent.eq(a.exponent + b.exponent - fmt.bias)
-        s = rank(
-            "unpack",
-            sign=a.sign ^ b.sign, exponent=exponent, smaller=smaller, larger=larger,
-            is_nan=a.is_nan | b.is_nan | (a.is_infinite & b.is_zero) | (a.is_zero & b.is_infinite),
-            is_infinite=a.is_infinite | b.is_infinite, is_zero=a.is_zero | b.is_zero)
+            multiplicand, multiplier = Cat(self.a.fraction, C(1, 1)), Cat(self.b.fraction, C(1, 1))
+            # a + b - bias = (a + b + 1) - 2**(width - 1): one adder, and a look at its two top bits.
+            total = Signal(width + 1)
+            m.d.comb += [total.eq(a.exponent - ~b.exponent),
+                         exponent.eq(Cat(total[:-2], ~total[-2], total[-2:] == 1, (total[-2:] == 2).replicate(2)))]
+        undefined = (a.is_infinite & b.is_zero) | (a.is_zero & b.is_infinite)
+        classes = {"sign": a.sign ^ b.sign, "is_nan": a.is_nan | b.is_nan | undefined,
+                   "is_infinite": a.is_infinite | b.is_infinite, "is_zero": a.is_zero | b.is_zero}
+        if self._flags:
+            classes["invalid"] = a.is_signalling | b.is_signalling | undefined
+        s = rank("unpack", **classes, exponent=exponent, multiplicand=multiplicand, multiplier=multiplier)
 
-        # Multiply.
+        # Multiply by slices, and add up what they give.
+        lows = range(0, fmt.precision, SLICE)
+        s = rank("partial", **pick(s, classes), exponent=s.exponent,
+                 **{f"partial_{low}": s.multiplicand * s.multiplier[low:low + SLICE] for low in lows})
         product = Signal(2 * fmt.precision)
-        m.d.comb += product.eq(s.smaller * s.larger)
-        for cut in "multiply", "product":
-            s = rank(cut, sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
-                     exponent=s.exponent, product=product)
-            product = s.product
+        m.d.comb += product.eq(sum(getattr(s, f"partial_{low}") << low for low in lows))
+        s = rank("product", **pick(s, classes), exponent=s.exponent, product=product)
 
-        # Normalise: the product of numbers from 1 to 2 lies from 1 to 4.
-        top = product[-1]
-        significand_and_guard = Mux(top, product[-fmt.precision - 1:], product[-fmt.precision - 2:-1])
-        sticky = product[:-fmt.precision - 2].any() | (top & product[-fmt.precision - 2])
-        exponent = Signal.like(s.exponent)
-        m.d.comb += exponent.eq(s.exponent + top)
-        s = rank("normalise", sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
-                 exponent=exponent, extended=Cat(sticky, significand_and_guard))
+        # Normalise: the product of numbers from 1 to 2 lies from 1 to 4. Whether the exponent, one
+        # more if ``carry``, is out of range shows without that addition, which rounding will do.
+        exponent, carry = s.exponent, s.product[-1]
+        sticky = s.product[:-fmt.precision - 2].any() | (carry & s.product[-fmt.precision - 2])
+        extended = Cat(sticky, Mux(carry, s.product[-fmt.precision - 1:], s.product[-fmt.precision - 2:-1]))
+        tiny = exponent[-1] | ~(exponent.any() | carry)
+        overflow = ~exponent[-1] & (exponent[width:-1].any() | (exponent[1:width].all() & (exponent[0] | carry)))
+        outcome = {**pick(s, classes), "tiny": tiny, "overflow": overflow}
+        if fmt.gradual:
+            if self._flags:
+                # Tininess after rounding: just below the least normal number the significand may
+                # carry, although its subnormal form is rounded at a higher bit.
+                up = self._rounding.increments(s.sign, extended[2], extended[1], extended[0])
+                outcome["tiny"] = tiny & ~(((exponent + carry) == 0) & extended[2:].all() & up)
+            # A subnormal keeps the weight of exponent 1.
+            distance = Signal(len(exponent))
+            m.d.comb += distance.eq(1 - exponent - carry)
+            aligned = shift_right_sticky(m, extended, distance, "subnormal")
+            extended, carry = Mux(tiny, aligned, extended), carry & ~tiny
+            exponent = Mux(tiny, 0, exponent)
+        s = rank("normalise", **outcome, exponent=exponent[:width], carry=carry, extended=extended)
 
-        s = rank("result", result=round_and_pack(m, fmt, s))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        # Round.
+        inexact = s.extended[:2].any()
+        up = self._rounding.increments(s.sign, s.extended[2], s.extended[1], s.extended[0])
+        rounded = Signal(fmt.width - 1)
+        m.d.comb += rounded.eq(Cat(s.extended[2:-1], s.exponent) + Cat(up, C(0, fmt.fraction_width - 1), s.carry))
+        s = rank("round", **pick(s, outcome), rounded=rounded, **({"inexact": inexact} if self._flags else {}))
+
+        # Pack.
+        tiny = s.tiny & (not fmt.gradual)
+        away = self._rounding.increments(s.sign, C(1), C(1), C(1))
+        outputs = {"result": pack(
+            m, fmt, s.sign, Mux(s.overflow & ~away, fmt.infinity - 1, s.rounded), is_nan=s.is_nan,
+            is_infinite=s.is_infinite | (s.overflow & away), is_zero=s.is_zero | tiny)}
+        if self._flags:
+            is_finite = ~(s.is_nan | s.is_infinite | s.is_zero)
+            outputs["flags"] = Cat(
+                is_finite & (s.inexact | s.overflow | tiny), is_finite & s.tiny & (s.inexact | tiny),
+                is_finite & (s.overflow | (s.rounded[fmt.fraction_width:].all() & ~tiny)), C(0, 1), s.invalid)
+        s = rank("result", **outputs)
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m
-
-
-def _product_is_tiny(fmt, a, b):
-    """Whether the exact product of finite positive numbers lies below the least normal number.
-
-    The product of the operands scaled to [1/2, 1) is taken without error as a sum of two numbers
-    (T. J. Dekker, A floating-point technique for extending the available precision, 1971).
-    """
-    (a, a_exponent), (b, b_exponent) = np.frexp(a), np.frexp(b)
-    splitter = fmt.dtype.type((1 << (fmt.precision + 1) // 2) + 1)
-    a_high, b_high = splitter * a - (splitter * a - a), splitter * b - (splitter * b - b)
-    a_low, b_low = a - a_high, b - b_high
-    product = a * b
-    error = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
-    least = np.ldexp(fmt.dtype.type(1), 1 - fmt.bias - a_exponent - b_exponent)
-    return (product < least) | ((product == least) & (error < 0))

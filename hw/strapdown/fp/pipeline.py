@@ -7,7 +7,7 @@ from amaranth import *
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-__all__ = ["PipelinedOperator", "Ranks"]
+__all__ = ["PipelinedOperator", "Ranks", "pick"]
 
 
 class PipelinedOperator(wiring.Component):
@@ -85,3 +85,8 @@ class Ranks:
         self._m.d.sync += valid.eq(self.valid)
         self.valid = valid
         return SimpleNamespace(**registered)
+
+
+def pick(values, *names):
+    """The members of a namespace with these names (any iterables of strings), as a dict."""
+    return {name: getattr(values, name) for some in names for name in some}

@@ -2,11 +2,12 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 from amaranth import *
 
+from . import exact
 from .divide_square_root import DigitRecurrence
-from .stages import normalised, round_and_pack, unpack
+from .rounding import Rounding
+from .stages import normalised, unpack
 
 __all__ = ["FpReciprocalSquareRoot"]
 
@@ -21,6 +22,10 @@ class FpReciprocalSquareRoot(DigitRecurrence):
         subnormal then.
     bits_per_cycle : int
         Result bits made in one cycle, 1 to the format's precision.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -28,37 +33,36 @@ class FpReciprocalSquareRoot(DigitRecurrence):
         Operand, any unit, taken while ``start`` is high and no operation is on.
     result, done : Out(format), Out(1)
         Result, valid from ``done`` to the next ``done``.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` = ``latency`` - 1 cycles; a ``start`` that comes earlier is ignored.
-    Accuracy: correctly rounded, to nearest, ties to even.
+    Accuracy: correctly rounded.
     Special values: a zero gives infinity of its sign, +infinity gives +0; other negative operands
     and NaN give the format's NaN.
-    Raises: ValueError if ``format`` or ``bits_per_cycle`` is out of range.
+    Flags: divide_by_zero for a zero; invalid for these negative operands and signalling NaNs;
+    overflow and inexact as in ``Flags``.
+    Raises: ValueError if ``format``, ``bits_per_cycle`` or ``rounding`` is out of range.
     Source: IEEE 754-2019, 9.2, operation *rSqrt*; N. Takagi, A hardware algorithm for computing
     reciprocal square root, ARITH-15, 2001; Ercegovac and Lang, Digital Arithmetic, 2004, chapter 6.
     """
 
     _stepped = ("remainder", "trial", "quotient")
 
-    def __init__(self, format, *, bits_per_cycle=2):
+    def __init__(self, format, *, bits_per_cycle=2, rounding=Rounding.NEAREST_EVEN, flags=False):
         if format.exponent_width < 3:
             raise ValueError(f"exponent_width of format must be at least 3, not {format.exponent_width!r}")
-        super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=True)
+        super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=True,
+                         rounding=rounding, flags=flags)
 
     def compute(self, a):
-        """Bit-exact software twin: an array of the format's dtype, any shape.
+        """Bit-exact software twin: an array of the format's dtype, any shape."""
+        return exact.reciprocal_square_root(self._format, a, self._rounding)[0]
 
-        Raises: ValueError for formats wider than binary32.
-        """
-        fmt = self._format
-        if fmt.width > 32:
-            raise ValueError(f"the reciprocal square root of {fmt.name} has no software twin")
-        # The float64 root is within 2 ulp. A middle between two binary32 (or 16) numbers is further
-        # away from it, whatever the operand, but for one, 0x1.7431c6p+1 and its likes, which comes
-        # out right nevertheless: a test tries them all. So rounding twice is harmless.
-        with np.errstate(all="ignore"):
-            return fmt.canonical(fmt.array(1 / np.sqrt(fmt.array(a).astype(np.float64))))
+    def compute_flags(self, a):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.reciprocal_square_root(self._format, a, self._rounding)[1]
 
     @property
     def _bits(self):
@@ -94,8 +98,13 @@ class FpReciprocalSquareRoot(DigitRecurrence):
 
         remainder, trial = Signal(2 * fmt.precision + 4), Signal(2 * fmt.precision + 3)
         m.d.comb += [remainder.eq(~x), trial.eq(x + (x << 2))]
+        more = {}
+        if self._flags:
+            more = {"invalid": a.is_signalling | (a.sign & ~a.is_zero & ~a.is_nan), "divide_by_zero": a.is_zero}
+        if self._needs_exactness:
+            more["is_exact"] = a_exponent[0] & ~significand[:-1].any()
         return SimpleNamespace(
-            remainder=remainder, trial=trial, x=x, exponent=exponent, sign=a.sign,
+            **more, remainder=remainder, trial=trial, x=x, exponent=exponent, sign=a.sign,
             is_nan=a.is_nan | (a.sign & ~a.is_zero), is_infinite=a.is_zero, is_zero=a.is_infinite)
 
     def _step(self, m, s):
@@ -118,7 +127,8 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     def _finish(self, m, s):
         # The quotient is always too small, by less than its last place, and the result no middle
         # between two numbers: a dyadic fraction only for powers of four, where all bits are ones.
-        fmt = self._format
-        return round_and_pack(m, fmt, SimpleNamespace(
-            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero,
-            exponent=s.exponent, extended=Cat(C(1, 1), s.quotient[-fmt.precision - 1:])))
+        exponent, extended = s.exponent, Cat(C(1, 1), s.quotient[-self._format.precision - 1:])
+        if self._needs_exactness:
+            exponent = exponent + s.is_exact
+            extended = Mux(s.is_exact, 1 << len(extended) - 1, extended)
+        return self._outputs(m, s, exponent=exponent, extended=extended)

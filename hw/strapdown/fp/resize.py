@@ -2,10 +2,11 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 from amaranth import *
 
+from . import exact
 from .pipeline import PipelinedOperator
+from .rounding import Rounding, flags_member
 from .stages import normalise, round_and_pack, unpack
 
 __all__ = ["FpToFp"]
@@ -20,6 +21,10 @@ class FpToFp(PipelinedOperator):
         Format of the operand and of the result, any two.
     latency : int
         Register ranks, 1 or 2.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        Whether there is an output ``flags``.
 
     Members
     -------
@@ -27,12 +32,15 @@ class FpToFp(PipelinedOperator):
         Operand, any unit, taken while ``start`` is high.
     result, done : Out(to_format), Out(1)
         Result, in the unit of ``a``, valid while ``done`` is high.
+    flags : Out(FLAGS)
+        Exceptions of this result, valid with it; only if wanted.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: correctly rounded, to nearest, ties to even; exact if ``to_format`` has every number
+    Accuracy: correctly rounded; exact if ``to_format`` has every number
     of ``from_format``. Each format's own policy holds for subnormals, of operand and of result.
     Special values: what exceeds the range becomes infinity; NaN becomes the format's NaN.
-    Raises: ValueError if ``latency`` is out of range.
+    Flags: invalid for signalling NaNs; overflow, underflow and inexact as in ``Flags``.
+    Raises: ValueError if ``rounding`` or ``latency`` is out of range.
     Source: IEEE 754-2019, 5.4.2, operation *convertFormat*.
     """
 
@@ -40,10 +48,13 @@ class FpToFp(PipelinedOperator):
     CUT_PRIORITY = ("result", "normalise")
     DEFAULT_LATENCY = 1
 
-    def __init__(self, from_format, to_format, *, latency=None):
+    def __init__(self, from_format, to_format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         self._from_format = from_format
         self._to_format = to_format
-        super().__init__({"a": from_format.layout}, {"result": to_format.layout}, latency=latency)
+        self._rounding = Rounding(rounding)
+        self._flags = bool(flags)
+        super().__init__({"a": from_format.layout}, {"result": to_format.layout, **flags_member(flags)},
+                         latency=latency)
 
     @property
     def from_format(self):
@@ -55,19 +66,18 @@ class FpToFp(PipelinedOperator):
         """Format of the result."""
         return self._to_format
 
-    def compute(self, a):
-        """Bit-exact software twin: an array of the one dtype in, of the other out, same shape.
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
 
-        Raises: ValueError if NumPy has no type for one of the formats.
-        """
-        fmt = self._to_format
-        a = self._from_format.array(a)
-        result = fmt.array(a)
-        if not fmt.gradual:
-            # Rounding may have lifted a number to the least normal one.
-            tiny = np.abs(a) < np.ldexp(1.0, 1 - fmt.bias)
-            result = np.where(tiny, np.copysign(fmt.dtype.type(0), result), result)
-        return fmt.canonical(result)
+    def compute(self, a):
+        """Bit-exact software twin: an array of the one dtype in, of the other out, same shape."""
+        return exact.resize(self._from_format, self._to_format, a, self._rounding)[0]
+
+    def compute_flags(self, a):
+        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        return exact.resize(self._from_format, self._to_format, a, self._rounding)[1]
 
     def elaborate(self, platform):
         m = Module()
@@ -85,11 +95,13 @@ class FpToFp(PipelinedOperator):
         exponent = Signal(range(least, greatest + 1) if least > 0 else range(min(least, -1), greatest + 1))
         m.d.comb += exponent.eq(a.exponent + offset - zeros)
         s = rank("normalise", sign=a.sign, is_nan=a.is_nan, is_infinite=a.is_infinite, is_zero=a.is_zero,
-                 exponent=exponent, significand=significand)
+                 exponent=exponent, significand=significand, **({"invalid": a.is_signalling} if self._flags else {}))
 
         padded = Cat(C(0, fmt.precision), s.significand)
         number = SimpleNamespace(
             **vars(s), extended=Cat(padded[:-fmt.precision - 1].any(), padded[-fmt.precision - 1:]))
-        s = rank("result", result=round_and_pack(m, fmt, number))
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        result, raised = round_and_pack(m, fmt, number, self._rounding)
+        s = rank("result", result=result, **({"flags": Cat(raised, C(0), s.invalid)} if self._flags else {}))
+        m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
+        m.d.comb += self.done.eq(rank.valid)
         return m

@@ -24,7 +24,8 @@ class FpSelect(PipelinedOperator):
         Result, valid while ``done`` is high.
 
     Latency: 1 cycle, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: exact; every encoding passes unchanged, subnormals and NaN payloads included.
+    Accuracy: exact; every encoding passes unchanged, subnormals and NaN payloads included;
+    like a copy, it raises no exceptions.
     """
 
     CUTS = ("result",)

@@ -4,7 +4,9 @@ from types import SimpleNamespace
 
 from amaranth import *
 
-__all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_nearest_even", "pack", "round_and_pack"]
+from .rounding import Rounding
+
+__all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_significand", "pack", "round_and_pack"]
 
 
 def unpack(m, fmt, operand, name):
@@ -13,6 +15,7 @@ def unpack(m, fmt, operand, name):
     ``exponent`` is the biased exponent, 1 for gradual subnormals, so that ``significand``
     (fmt.precision bits, hidden bit on top) always weighs 2**(exponent - bias - fraction_width).
     With flushed subnormals a subnormal is a zero: its exponent has no meaning.
+    ``is_signalling`` tells a NaN whose top fraction bit is zero.
     """
     tiny = operand.exponent == 0
     special = operand.exponent == fmt.exponent_special
@@ -24,6 +27,7 @@ def unpack(m, fmt, operand, name):
         is_zero=Signal(name=f"{name}_is_zero"),
         is_infinite=Signal(name=f"{name}_is_infinite"),
         is_nan=Signal(name=f"{name}_is_nan"),
+        is_signalling=special & ~empty & ~operand.fraction[-1],
     )
     m.d.comb += [
         number.exponent.eq(operand.exponent | (tiny & fmt.gradual)),
@@ -80,14 +84,14 @@ def normalised(m, fmt, operand, number, name):
     return significand, number.exponent - zeros
 
 
-def round_nearest_even(fmt, exponent, significand, guard, sticky):
-    """Encoding (without sign) of a normalised significand, rounded to nearest, ties to even.
+def round_significand(fmt, exponent, significand, guard, sticky, *, sign=0, rounding=Rounding.NEAREST_EVEN):
+    """Encoding (without sign) of a normalised significand, rounded.
 
     ``significand`` has fmt.precision bits; ``exponent`` is its stored exponent, 0 where the top
     bit is zero (subnormal). The carry of the increment runs on into the exponent, which makes
     the next binade, the least normal number and infinity come out right by themselves.
     """
-    up = guard & (sticky | significand[0])
+    up = rounding.increments(sign, significand[0], guard, sticky)
     return (Cat(significand[:-1], exponent) + up)[:fmt.width - 1]
 
 
@@ -105,22 +109,48 @@ def pack(m, fmt, sign, encoded, *, is_nan, is_infinite, is_zero):
     return packed
 
 
-def round_and_pack(m, fmt, number):
-    """The number to put out for a normalised one of unbounded exponent.
+def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
+    """The number to put out for a normalised one of unbounded exponent, and what it raises.
 
     ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``, and, where
     none of these three holds, ``exponent`` (biased; signed if it may be less than 1) and
     ``extended``: sticky bit, guard bit and significand, from the low end, whose top bit is one.
+
+    Returns (encoding, the three low bits of ``FLAGS``); flags that are not used make no circuit.
     """
-    tiny = number.exponent < 1 if number.exponent.shape().signed else C(0)
+    may_be_tiny = number.exponent.shape().signed
+    tiny = number.exponent < 1 if may_be_tiny else C(0)
     exponent, extended = Signal(fmt.exponent_width, name="stored_exponent"), number.extended
     m.d.comb += exponent.eq(number.exponent)
-    if fmt.gradual and number.exponent.shape().signed:
+    if fmt.gradual and may_be_tiny:
         # A subnormal keeps the weight of exponent 1.
         distance = (1 - number.exponent).as_unsigned()
         aligned = shift_right_sticky(m, extended, distance, "subnormal")
         exponent, extended = Mux(tiny, 0, exponent), Mux(tiny, aligned, extended)
-    encoded = round_nearest_even(fmt, exponent, extended[2:], extended[1], extended[0])
+    encoded = round_significand(fmt, exponent, extended[2:], extended[1], extended[0],
+                                sign=number.sign, rounding=rounding)
     overflow = (number.exponent >= fmt.exponent_special) & ~number.is_zero
-    return pack(m, fmt, number.sign, encoded, is_nan=number.is_nan, is_infinite=number.is_infinite | overflow,
-                is_zero=number.is_zero | (tiny & (not fmt.gradual)))
+
+    is_finite = ~(number.is_nan | number.is_infinite | number.is_zero)
+    overflows = is_finite & ~tiny & (overflow | encoded[fmt.fraction_width:].all())
+    inexact = overflow | extended[:2].any()
+    if fmt.gradual:
+        # Tininess after rounding: just below the least normal number, where exponents end at 0,
+        # the significand may carry although its subnormal form has to be rounded at a higher bit.
+        up = rounding.increments(number.sign, number.extended[2], number.extended[1], number.extended[0])
+        underflow = tiny & extended[:2].any() & ~((number.exponent == 0) & number.extended[2:].all() & up)
+    else:
+        underflow = tiny
+        inexact = inexact | tiny
+    flags = Cat(is_finite & inexact, is_finite & underflow, overflows)
+
+    is_infinite = number.is_infinite
+    if rounding.is_nearest:
+        is_infinite |= overflow
+    else:
+        # Where a number beyond the largest one is not rounded away from zero, that one remains.
+        up = rounding.increments(number.sign, C(1), C(1), C(1))
+        encoded = Mux(overflow, Mux(up, fmt.infinity, fmt.infinity - 1), encoded)
+    packed = pack(m, fmt, number.sign, encoded, is_nan=number.is_nan, is_infinite=is_infinite,
+                  is_zero=number.is_zero | (tiny & (not fmt.gradual)))
+    return packed, flags
