@@ -1,21 +1,16 @@
 # amaranth: UnusedElaboratable=no
-"""Arctangent: the circuit against its twin, and the twin against the arctangent of float64."""
+"""Arctangent and length: the circuit against its twin, and the twin against wider arithmetic."""
 
 import re
 
 import numpy as np
 import pytest
-from amaranth.back import verilog
 from amaranth.sim import Simulator
-from strapdown_sim.drivers.toolchain import SimulatorMissingError
-from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 from strapdown.cordic import CordicAtan2
 from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat
 
-FORMATS = {f"{fmt.name}_{policy}": fmt.with_subnormals(policy)
-           for fmt in (BINARY16, BINARY32) for policy in ("gradual", "flush")}
-
+from .support import FORMATS, ORACLE_ERROR, answers, assert_equal, exact_values, scaled_atan2, ulp_errors
 
 # Stimuli: encodings, uint64.
 
@@ -33,7 +28,7 @@ def random_pairs(fmt, count, seed):
     rng = np.random.default_rng(seed)
     sign = np.uint64(1 << (fmt.width - 1))
     last = np.uint64(fmt.infinity - 1)
-    y, x, jitter = (rng.integers(0, 1 << fmt.width, count, dtype=np.uint64) for _ in range(3))
+    y, x, jitter = (rng.integers(0, (1 << fmt.width) - 1, count, dtype=np.uint64, endpoint=True) for _ in range(3))
     # One of few significant bits, so that exact quotients and ties are among the cases.
     kept = rng.integers(0, fmt.fraction_width, count, endpoint=True, dtype=np.uint64)
     x = np.where(rng.random(count) < 0.2, x >> kept << kept, x)
@@ -69,11 +64,10 @@ def random_pairs(fmt, count, seed):
     ({"format": "binary32"}, TypeError, "format must be a FloatFormat, not 'binary32'"),
     ({"format": FloatFormat(2, 10)}, ValueError, "format must have at least 3 exponent bits, not 2"),
     ({"steps_per_cycle": 0}, ValueError, "steps_per_cycle must be at least 1, not 0"),
-    ({"width": 25}, ValueError, "width must be at least 26, not 25"),
+    ({"width": 25}, ValueError, "width must be from 26 to 59, not 25"),
+    ({"width": 60}, ValueError, "width must be from 26 to 59, not 60"),
     ({"iterations": 25}, ValueError, "iterations must be at least 26, not 25"),
-    ({"width": 33}, ValueError, "width + iterations must be at most 62, not 63"),
-    ({"iterations": 33, "steps_per_cycle": 2}, ValueError, "width + iterations must be at most 62, not 63"),
-    ({"format": BINARY64}, ValueError, "width + iterations must be at most 62, not 118"),
+    ({"format": FloatFormat(11, 60)}, ValueError, "format must have a precision of at most 57 bits, not 61"),
     ({"steps_per_cycle": 2.0}, TypeError, "'float' object cannot be interpreted as an integer"),
 ])
 def test_wrong_parameters(parameters, error, message):
@@ -84,10 +78,19 @@ def test_wrong_parameters(parameters, error, message):
 def test_properties():
     atan2 = CordicAtan2(BINARY32)
     assert (atan2.format, atan2.width, atan2.iterations, atan2.steps_per_cycle) == (BINARY32, 29, 30, 2)
-    assert (atan2.latency, atan2.interval, atan2.error_bound) == (20, 19, 0.1875)
+    assert (atan2.latency, atan2.interval, atan2.iterative, atan2.has_magnitude) == (21, 20, True, False)
     atan2 = CordicAtan2(BINARY32.with_subnormals("flush"), width=28, iterations=28, steps_per_cycle=3)
-    assert (atan2.width, atan2.iterations, atan2.latency, atan2.interval) == (28, 30, 13, 12)
-    assert CordicAtan2(BINARY32.with_subnormals("flush"), steps_per_cycle=1).latency == 33
+    assert (atan2.width, atan2.iterations, atan2.latency, atan2.interval) == (28, 30, 14, 13)
+    assert CordicAtan2(BINARY32.with_subnormals("flush"), steps_per_cycle=1).latency == 34
+    atan2 = CordicAtan2(BINARY32, magnitude=True, iterative=False)
+    assert (atan2.width, atan2.latency, atan2.interval, atan2.has_magnitude) == (30, 20, 1, True)
+
+
+@pytest.mark.parametrize("fmt", FORMATS.values(), ids=FORMATS)
+def test_default_bounds_are_below_one_ulp(fmt):
+    atan2 = CordicAtan2(fmt, magnitude=True)
+    assert 0.5 < atan2.error_bound_ulp < 0.7
+    assert 0.5 < atan2.magnitude_error_bound_ulp < 0.8
 
 
 # The twin.
@@ -111,39 +114,91 @@ def test_special_values(fmt):
     np.testing.assert_array_equal(fmt.to_bits(CordicAtan2(fmt).compute(y, x)), wanted)
 
 
+@pytest.mark.parametrize("fmt", FORMATS.values(), ids=FORMATS)
+def test_special_lengths(fmt):
+    """IEEE 754-2019, 9.2.1: hypot of zeros, infinities and NaN, to the bit."""
+    values = np.array([0.0, 1.0, -1.5, float(fmt.from_bits(1)), float(fmt.from_bits(fmt.infinity - 1)), np.inf, np.nan])
+    y, x = np.meshgrid(values, values)
+    special = ~(np.isfinite(y) & np.isfinite(x)) | (y == 0) | (x == 0)
+    y, x = fmt.array(y[special]), fmt.array(x[special])
+    wanted = np.where(np.isinf(y) | np.isinf(x), np.inf, np.maximum(np.abs(y), np.abs(x)))  # a NaN stays one
+    got = CordicAtan2(fmt, magnitude=True).compute(y, x).magnitude
+    np.testing.assert_array_equal(fmt.to_bits(got), fmt.to_bits(fmt.canonical(fmt.array(wanted))))
+
+
+def test_length_overflows():
+    largest = BINARY32.from_bits(BINARY32.infinity - 1)
+    lengths = CordicAtan2(BINARY32, magnitude=True).compute([largest, largest / 2], [largest, largest / 2]).magnitude
+    np.testing.assert_array_equal(lengths, np.float32([np.inf, np.hypot(float(largest) / 2, float(largest) / 2)]))
+
+
 ACCURACY = {
+    **{name: (fmt, {}, 100_000) for name, fmt in FORMATS.items()},
     "binary32_gradual": (FORMATS["binary32_gradual"], {}, 1_000_000),
-    "binary32_flush": (FORMATS["binary32_flush"], {}, 2_000_000),
     "binary32_coarse": (FORMATS["binary32_flush"], {"width": 26, "iterations": 26}, 200_000),
-    "binary32_fine": (FORMATS["binary32_gradual"], {"width": 31, "iterations": 31, "steps_per_cycle": 1}, 200_000),
-    "binary16_gradual": (FORMATS["binary16_gradual"], {"steps_per_cycle": 1}, 500_000),
-    "binary16_flush": (FORMATS["binary16_flush"], {"steps_per_cycle": 1}, 500_000),
+    "binary32_fine": (FORMATS["binary32_gradual"], {"width": 33, "iterations": 34, "steps_per_cycle": 1}, 200_000),
+    "binary16_1": (FORMATS["binary16_flush"], {"steps_per_cycle": 1}, 200_000),
     "binary16_coarse": (FORMATS["binary16_gradual"], {"width": 13, "iterations": 13, "steps_per_cycle": 1}, 200_000),
 }
 
 
 @pytest.mark.parametrize(("fmt", "parameters", "count"), ACCURACY.values(), ids=ACCURACY)
 def test_accuracy(fmt, parameters, count):
-    atan2 = CordicAtan2(fmt, **parameters)
+    atan2 = CordicAtan2(fmt, magnitude=True, **parameters)
     y, x = (fmt.from_bits(encodings) for encodings in random_pairs(fmt, count, seed=1959))
-    got = atan2.compute(y, x).astype(np.float64)
-    with np.errstate(invalid="ignore"):
-        wanted = np.arctan2(fmt.flush(y).astype(np.float64), fmt.flush(x).astype(np.float64))
-    np.testing.assert_array_equal(np.isnan(got), np.isnan(wanted))
+    got = atan2.compute(y, x)
+    alone = CordicAtan2(fmt, **{"width": atan2.width, **parameters}).compute(y, x)
+    np.testing.assert_array_equal(got.result, alone)
+    y, x = exact_values(fmt.flush(y)), exact_values(fmt.flush(x))
+    with np.errstate(all="ignore"):
+        wanted = np.arctan2(y, x)
+        lengths = np.hypot(y, x)
+    np.testing.assert_array_equal(np.isnan(got.result), np.isnan(wanted))
+    np.testing.assert_array_equal(np.isnan(got.magnitude), np.isnan(lengths))
     valid = ~np.isnan(wanted)
-    got, wanted = got[valid], wanted[valid]
-    np.testing.assert_array_equal(np.signbit(got), np.signbit(wanted))
+    np.testing.assert_array_equal(np.signbit(got.result[valid]), np.signbit(wanted[valid]))
+    error = ulp_errors(fmt, got.result[valid], wanted[valid], atan2.error_bound)
+    oracle_error = ORACLE_ERROR * 2.0**fmt.precision
+    assert error.max() <= atan2.error_bound_ulp + oracle_error
+    # The bounds are no idle ones: a part of what they allow before rounding is found.
+    assert error.max() > 0.5 + atan2.error_bound / 10
 
-    exponent = np.maximum(np.frexp(wanted)[1] - 1, 1 - fmt.bias)
-    error = np.abs(got - wanted) * np.ldexp(1.0, fmt.fraction_width - exponent)
-    if not fmt.gradual:
-        # Results so much below the least normal number vanish; nearer to it, they may.
-        size, least = np.abs(wanted), 2.0 ** (1 - fmt.bias)
-        slack = atan2.error_bound * least * 2.0**-fmt.fraction_width
-        assert not got[size < least - slack].any()
-        error = np.where((size < least + slack) & (got == 0), 0, error)
-    # np.arctan2 of float64 is off by less than 2**-52 relative: 2**-28 ulp of binary32.
-    assert error.max() <= 0.5 + atan2.error_bound + 2.0**-28
+    # The largest number's next one would be there, were it not for the exponent's range.
+    overflow = np.ldexp(np.longdouble(2) - np.ldexp(np.longdouble(1), -fmt.precision), fmt.bias)
+    finite = np.isfinite(got.magnitude)
+    assert np.all(lengths[~finite & valid] > overflow * (1 - 2.0**-fmt.precision))
+    assert not np.isinf(lengths[finite]).any()
+    error = ulp_errors(fmt, got.magnitude[finite], lengths[finite], 0)
+    assert error.max() <= atan2.magnitude_error_bound_ulp + oracle_error
+    assert error.max() > 0.5 + (atan2.magnitude_error_bound_ulp - 0.5) / 10
+
+
+def test_ten_million():
+    """Binary32 within 1 ulp of float64's arctangent, which is off by less than 2**-28 ulp of binary32."""
+    atan2, worst = CordicAtan2(FORMATS["binary32_flush"]), 0.0
+    for seed in range(50):
+        y, x = (BINARY32.from_bits(encodings) for encodings in random_pairs(atan2.format, 200_000, seed))
+        got, y, x = atan2.compute(y, x), atan2.format.flush(y), atan2.format.flush(x)
+        with np.errstate(invalid="ignore"):
+            wanted = np.arctan2(y, x, dtype=np.float64)
+        normal = np.abs(wanted) > 2.0**-125
+        ulp = np.ldexp(1.0, np.frexp(wanted[normal])[1] - 24)
+        worst = max(worst, np.max(np.abs(got[normal].astype(np.float64) - wanted[normal]) / ulp))
+    assert 0.52 < worst <= atan2.error_bound_ulp + 2.0**-28
+
+
+def test_binary64_against_integers():
+    """Angles in the first quadrant from integers, with an arctangent made of nothing else."""
+    rng = np.random.default_rng(754)
+    y, x = (rng.integers(1 << 52, 1 << 53, 300) for _ in range(2))
+    places = rng.integers(0, 60, (2, 300))
+    atan2 = CordicAtan2(BINARY64)
+    got = atan2.compute(np.ldexp(y.astype(float), -places[0]), np.ldexp(x.astype(float), -places[1]))
+    for row, angle in enumerate(got):
+        wanted = scaled_atan2(int(y[row]) << int(places[1][row]), int(x[row]) << int(places[0][row]), 200)
+        numerator, denominator = float(angle).as_integer_ratio()
+        ulps = abs((numerator << 200) // denominator - wanted) / 2.0**200 / np.spacing(angle)
+        assert ulps <= atan2.error_bound_ulp + 1e-9
 
 
 def test_accuracy_of_defaults():
@@ -160,11 +215,18 @@ def test_accuracy_of_defaults():
 # The circuit.
 
 CIRCUITS = {
-    "binary32_gradual_2": (FORMATS["binary32_gradual"], {}, 1_000_000),
-    "binary32_flush_1": (FORMATS["binary32_flush"], {"steps_per_cycle": 1}, 500_000),
+    "binary32_gradual_2": (FORMATS["binary32_gradual"], {}, 300_000),
+    "binary32_flush_1": (FORMATS["binary32_flush"], {"steps_per_cycle": 1}, 200_000),
     "binary32_flush_2": (FORMATS["binary32_flush"], {}, 1_000_000),
-    "binary16_gradual_3": (FORMATS["binary16_gradual"], {"steps_per_cycle": 3}, 500_000),
-    "binary16_flush_1": (FORMATS["binary16_flush"], {"steps_per_cycle": 1, "width": 13, "iterations": 13}, 500_000),
+    "binary32_length": (FORMATS["binary32_gradual"], {"magnitude": True, "steps_per_cycle": 3}, 200_000),
+    "binary32_pipelined": (FORMATS["binary32_gradual"], {"magnitude": True, "iterative": False}, 300_000),
+    "binary16_deep": (FORMATS["binary16_flush"], {"iterative": False, "steps_per_cycle": 1}, 200_000),
+    "binary64_length": (FORMATS["binary64_flush"], {"magnitude": True}, 50_000),
+    "binary64_pipelined": (FORMATS["binary64_gradual"], {"steps_per_cycle": 5, "iterative": False}, 50_000),
+    "binary16_gradual_3": (FORMATS["binary16_gradual"], {"steps_per_cycle": 3}, 200_000),
+    "binary16_flush_1": (FORMATS["binary16_flush"], {"steps_per_cycle": 1, "width": 13, "iterations": 13}, 200_000),
+    "bfloat16_length": (FORMATS["bfloat16_gradual"], {"magnitude": True}, 200_000),
+    "custom_pipelined": (FORMATS["float6_16_flush"], {"magnitude": True, "iterative": False}, 100_000),
 }
 
 
@@ -172,23 +234,12 @@ CIRCUITS = {
 @pytest.mark.parametrize(("fmt", "parameters", "count"), CIRCUITS.values(), ids=CIRCUITS)
 def test_circuit_equals_twin(fmt, parameters, count, models, tmp_path):
     atan2 = CordicAtan2(fmt, **parameters)
-    source = tmp_path / "atan2.v"
-    source.write_text(verilog.convert(atan2, name="atan2", emit_src=False))
-    interface = Interface("atan2", ("y", "x"), ("result",), start="start", finish="done", reset="rst",
-                          reset_active=1)
-    try:
-        model = VerilatedModel(source, interface, models)
-    except SimulatorMissingError as error:
-        pytest.skip(str(error))
-    y, x = random_pairs(fmt, count, seed=1999)
-    answer = model.transact({"y": y, "x": x})
-    # The taking edge is one of the latency's.
-    assert set(answer["cycles"].tolist()) == {atan2.latency - 1}
-    wanted = fmt.to_bits(atan2.compute(fmt.from_bits(y), fmt.from_bits(x)))
-    wrong = np.flatnonzero(answer["result"] != wanted)
-    rows = "\n".join(f"atan2({y[row]:#x}, {x[row]:#x}) is {answer['result'][row]:#x}, not {wanted[row]:#x}"
-                     for row in wrong[:5])
-    assert not wrong.size, f"{wrong.size} of {count} wrong\n{rows}"
+    stimulus = dict(zip(("y", "x"), random_pairs(fmt, count, seed=1999), strict=True))
+    results = ("result", "magnitude") if atan2.has_magnitude else ("result",)
+    answer = answers(atan2, "atan2", ("y", "x"), results, stimulus, models, tmp_path)
+    wanted = atan2.compute(*(fmt.from_bits(encodings) for encodings in stimulus.values()))
+    for name, numbers in wanted._asdict().items() if atan2.has_magnitude else [("result", wanted)]:
+        assert_equal(fmt, answer[name], numbers, stimulus, name)
 
 
 @pytest.mark.parametrize("policy", ["gradual", "flush"])

@@ -1,35 +1,51 @@
-"""Angle of a vector: vectoring CORDIC that keeps the relative precision of small angles."""
+"""Angle and length of a vector: vectoring CORDIC that keeps the relative precision of small angles."""
 
 import operator
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from amaranth import *
-from amaranth.lib.wiring import In, Out
 
-from ..fp.stages import normalise, round_nearest_even, unpack
-from .iterative import IterativeCordic
-from .tables import SCALE, round_shift, scaled_atan
+from ..fp import exact
+from ..fp.rounding import Rounding, bit_length, round_encoding
+from ..fp.stages import normalise, round_and_pack, round_significand, unpack
+from .component import CordicComponent, blockwise
+from .tables import SCALE, round_shift, scaled_atan, scaled_reciprocal_gain
 
-__all__ = ["CordicAtan2"]
+__all__ = ["CordicAtan2", "Polar"]
 
-# How a result comes about: 0 to 4 stand for so many quarters of pi, exactly rounded.
+# How an angle comes about: 0 to 4 stand for so many quarters of pi, exactly rounded.
 _NAN, _COMPUTED = 5, 6
 
 
-class CordicAtan2(IterativeCordic):
-    """Four-quadrant arctangent, ``result = atan2(y, x)``.
+class Polar(NamedTuple):
+    """Angles and lengths of the same vectors."""
+
+    result: np.ndarray
+    magnitude: np.ndarray
+
+
+class CordicAtan2(CordicComponent):
+    """Four-quadrant arctangent, ``result = atan2(y, x)``, and on demand the vector's length.
 
     Parameters
     ----------
     format : FloatFormat
-        Format of operands and result, of at least 3 exponent bits.
+        Format of operands and results, of at least 3 exponent bits.
     width : int or None
-        Fraction bits of the fixed-point data path, at least precision + 2; None means precision + 5.
+        Fraction bits of the fixed-point data path, at least precision + 2, at most 59, so that the
+        twin fits 64 bits; None means precision + 5, or precision + 6 with ``magnitude``.
     iterations : int or None
         CORDIC steps, at least precision + 2, rounded up to fill the last cycle; None means
-        precision + 6. ``width + iterations`` is at most 62, so that the twin fits 64 bits.
+        precision + 6.
     steps_per_cycle : int
-        CORDIC steps done in one clock cycle, at least 1.
+        CORDIC steps between two ranks of registers, at least 1.
+    iterative : bool
+        Whether one set of registers is used again and again; otherwise each step has a circuit
+        of its own, and an operation may start in every cycle. Both give the same bits.
+    magnitude : bool
+        Whether there is an output ``magnitude``; it costs one multiplication by a constant.
 
     Members
     -------
@@ -37,214 +53,243 @@ class CordicAtan2(IterativeCordic):
         Ordinate and abscissa, any common unit; taken while ``start`` is high, which is ignored
         in the ``interval - 1`` cycles after that.
     result : Out(format)
-        Angle from the x axis to (x, y), rad, from -pi to pi (both as rounded to the format);
-        holds until the next result.
+        Angle from the x axis to (x, y), rad, from -pi to pi (both as rounded to the format).
+    magnitude : Out(format)
+        Length of (x, y), in the unit of both; only with ``magnitude=True``.
     done : Out(1)
-        High for one cycle, from which on ``result`` is valid.
+        High for one cycle an operation, in which results are valid; iterative, they hold until the next.
 
-    Latency: ``latency`` cycles, ``start`` to ``done``, whatever the operands: 3 plus
-    ``iterations / steps_per_cycle``, plus 2 if subnormals are gradual; one angle every
-    ``interval`` = ``latency - 1`` cycles.
-    Accuracy: within 0.5 + ``error_bound`` ulp of the result, subnormal results included;
-    binary32 by default 0.69 ulp. A flushed result is compared after the steps, before rounding.
-    Special values: those of C99 for signed zeros and infinities, every multiple of pi/4 among
-    them correctly rounded; a NaN operand gives the format's NaN.
+    Latency: ``latency`` cycles, ``start`` to ``done``, whatever the operands: 4 plus
+    ``iterations / steps_per_cycle``, plus the normalisation of gradual subnormals: 2 iterative,
+    1 pipelined. One operation every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
+    Accuracy: the angle within ``error_bound_ulp``, subnormal results included, binary32 and
+    binary64 by default 0.69 ulp; the length within ``magnitude_error_bound_ulp``, binary32 by
+    default 0.68, binary64 0.80 ulp. A flushed angle is compared after the steps, before rounding.
+    Special values: of the angle those of C99 for signed zeros and infinities, every multiple of
+    pi/4 among them correctly rounded; a NaN operand gives the format's NaN. The length is
+    hypot's: infinite if an operand is, NaN or not, and exact if one is zero.
     Raises: TypeError if ``format`` is no FloatFormat; ValueError for unusable numbers.
     Source: Volder 1959, The CORDIC trigonometric computing technique; Walther 1971, A unified
-    algorithm for elementary functions; ISO/IEC 9899:1999, F.9.1.4.
+    algorithm for elementary functions; ISO/IEC 9899:1999, F.9.1.4 and F.9.4.3.
     """
 
-    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=2):
-        self._take(format, least_exponent_width=3, iterations=iterations, steps_per_cycle=steps_per_cycle)
-        self._width = format.precision + 5 if width is None else operator.index(width)
-        if self._width < format.precision + 2:
-            raise ValueError(f"width must be at least {format.precision + 2}, not {width!r}")
-        if self._width + self.iterations > 62:
-            raise ValueError(f"width + iterations must be at most 62, not {self._width + self.iterations!r}")
-        super().__init__({"y": In(format.layout), "x": In(format.layout), "start": In(1),
-                          "result": Out(format.layout), "done": Out(1)})
+    # With X and Y the operands' magnitudes, exchanged so that Y does not have the larger exponent,
+    # and d >= 0 the exponents' difference, x = X and y = 2**d Y start in [1, 2). Step k = 0, 1, ...
+    # turns by the angle of i = d + k, and y and the angle z are doubled as they shrink:
+    #
+    #     y' = 2 (y -+ x),    x' = x + 2**(-2i) |y|,    z' = 2 z +- 2**i atan(2**-i),
+    #
+    # with the upper signs if y >= 0. So z has the leading bits of 2**d atan(Y / X), however small
+    # that is, and index i alone selects shift and angle. In the other octants the angle is what is
+    # left of pi/2 or pi, and z goes back to its place, 2**-d, before.
 
-        # Row i holds 2**i * atan(2**-i). Row ``last`` does for all after it: their angles round to
-        # 1, and x grows by no more than about a unit.
-        self._last = (self._width + 2) // 2
-        self._table = [*(round_shift(scaled_atan(i), SCALE - self._width) for i in range(self._last)),
-                       1 << self._width]
-        self._half_pi = round_shift(2 * scaled_atan(0), SCALE - self._width)
+    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=2, iterative=True, magnitude=False):
+        self._take(format, least_exponent_width=3, iterations=iterations, steps_per_cycle=steps_per_cycle,
+                   iterative=iterative)
+        self._magnitude = bool(magnitude)
+        least = format.precision + 2
+        self._width = least + 3 + self._magnitude if width is None else operator.index(width)
+        if least > 59:
+            raise ValueError(f"format must have a precision of at most 57 bits, not {format.precision!r}")
+        if not least <= self._width <= 59:
+            raise ValueError(f"width must be from {least} to 59, not {self._width!r}")
+        super().__init__(("y", "x"), ("result", "magnitude") if magnitude else ("result",))
+
+        # Row i holds 2**i * atan(2**-i). From row ``last`` on these are 1, and x keeps its value.
+        self._last = (self._width + 1) // 2
+        self._table = [*(self._fixed(scaled_atan(i)) for i in range(self._last)), 1 << self._width]
+        self._reciprocal_gains = [*(self._fixed(scaled_reciprocal_gain(i)) for i in range(self._last)),
+                                  1 << self._width]
         self._constants = [*(_encode_quarters(format, n) for n in range(5)), format.nan]
+        # What the other octants start from, in units of 2**-(width + 1).
+        self._half_pi, self._pi = (self._fixed(turns * scaled_atan(0)) for turns in (4, 8))
+
+    def _fixed(self, scaled):
+        return round_shift(scaled, SCALE - self._width)
+
+    @property
+    def has_magnitude(self):
+        """Whether there is an output ``magnitude``."""
+        return self._magnitude
 
     @property
     def latency(self):
-        """Cycles from ``start`` to ``done``: load, normalise twice, prepare, iterate, round."""
-        return 3 + self._cycles + (2 if self._format.gradual else 0)
+        """Cycles from ``start`` to ``done``: load, normalise, prepare, step, align, round."""
+        return 4 + self._cycles + self._format.gradual * (2 if self._iterative else 1)
 
     @property
     def error_bound(self):
-        """Error of the angle before the final rounding, in ulp of the result, at most."""
-        # A small angle times 2**i0, a, lies between 0.46 and 2. Its absolute error is the sum of
-        # - what is left: |y| <= 2x holds at the start and, since |y'| = 2||y| - x| and x' >= x,
-        #   after each step: at most 2 * 2**-iterations;
-        # - the table: half a unit, 2**-width / 2, times 2**-k in step k: at most 2**-width in all;
-        # - the rounding of x: one unit in step k turns the vector by at most 2**-k units over x:
-        #   at most 2 * 2**-width / x, where 1 / x <= 2**i0 * tan(a / 2**i0), which is a, nearly.
-        #   From row ``last`` on it may be two units, but there the table is all but exact.
-        # This weighs most for a just below 1/2, where an ulp is 2**-(precision + 1). Other angles
-        # inherit the error, times 2**-i0, and that of pi, and have ulps at least twice as large.
-        return 2.0 ** (self._format.precision + 2) * (2.0 ** -self.iterations + 2.0 ** -self._width)
+        """Error of the angle before the final rounding, in ulp of the result, at most.
+
+        A small angle times 2**d, a, lies between 0.46 and 2. Its absolute error is the sum of
+
+        - what is left: |y| <= 2x holds at the start and, since |y'| = 2||y| - x| and x' >= x,
+          after each step: at most 2 * 2**-iterations;
+        - the table: half a unit, 2**-width / 2, times 2**-k in step k: at most 2**-width in all;
+        - the cut of x: less than one unit in step k turns the vector by at most 2**-k units over
+          x: at most 2 * 2**-width / x, where 1 / x <= 2**d * tan(a / 2**d), which is a, nearly;
+        - what steps from row ``last`` on leave out: r**3 / 3 * 4**-last, at most r**3 / 3 units, of
+          an angle whose tangent is 2**-last * r.
+
+        This weighs most for a just below 1/2, where an ulp is 2**-(precision + 1) and r < 1/2 makes
+        the last term less than 1/24 unit: 2**(precision + 1) * (2 * 2**-iterations + 2.05 * 2**-width).
+        For larger angles the ulp grows faster than the sum. Other octants inherit the error, times
+        2**-d, and at most 2**-width more, of pi, of the alignment and of the ones' complement, and
+        have ulps at least twice as large.
+        """
+        return 2.0 ** (self._format.precision + 2) * (2.0 ** -self.iterations + 1.025 * 2.0 ** -self._width)
+
+    @property
+    def magnitude_error_bound_ulp(self):
+        """Error of the length in ulp, at most, its final rounding included.
+
+        The length over 2**(exponent of X), from 1 to 2.83, is x after the steps over the gain of the
+        steps from d on. Its error is less than the sum, in units of 2**-width, of
+
+        - the cuts of x: one unit in each of ``last`` steps, none of which the gain enlarges;
+        - what steps from row ``last`` on leave out, r <= 2 being the tangent times 2**last:
+          x r**2 / 2 * 4**-last, at most 4 units;
+        - what is left of y: its square, 4 * 4**-iterations, less than one unit;
+        - half a unit of the factor, times x < 4.7: at most 2.4 units.
+
+        An ulp is 2**(1 - precision) at least.
+        """
+        return 0.5 + (self._last + 7.4) * 2.0 ** (self._format.precision - 1 - self._width)
+
+    # The twin.
 
     def compute(self, y, x):
-        """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
-        fmt, width = self._format, self._width
-        y, x = np.broadcast_arrays(fmt.array(y), fmt.array(x))
-        negative_y, negative_x = np.signbit(y), np.signbit(x)
-        kind = np.select(
-            [np.isnan(y) | np.isnan(x), np.isinf(y) & np.isinf(x), (y == 0) | np.isinf(x),
-             (x == 0) | np.isinf(y)],
-            [_NAN, np.where(negative_x, 3, 1), np.where(negative_x, 4, 0), 2], _COMPUTED)
+        """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast.
 
-        # Prepare.
-        y_exponent, y = self._unpack(y)
-        x_exponent, x = self._unpack(x)
+        Returns the angles, or ``Polar`` with ``magnitude=True``.
+        """
+        y, x = np.broadcast_arrays(self._format.array(y), self._format.array(x))
+        results = blockwise(self._compute, y, x)
+        return Polar(*results) if self._magnitude else results[0]
+
+    def _compute(self, y, x):
+        fmt, width = self._format, self._width
+        longer = np.maximum(np.abs(y), np.abs(x))
+        negative_y, negative_x = np.signbit(y), np.signbit(x)
+        is_nan, infinite = np.isnan(y) | np.isnan(x), np.isinf(y) | np.isinf(x)
+        kind = np.select(
+            [is_nan, np.isinf(y) & np.isinf(x), (y == 0) | np.isinf(x), infinite | (x == 0)],
+            [_NAN, np.where(negative_x, 3, 1), np.where(negative_x, 4, 0), 2], _COMPUTED)
+        computed = kind == _COMPUTED
+
+        # Prepare. What does not have to be computed takes part as 1 and 1.
+        y_exponent, y = self._normalised(y, computed)
+        x_exponent, x = self._normalised(x, computed)
         swap = x_exponent < y_exponent
         y, x = np.where(swap, x, y), np.where(swap, y, x)
-        distance = np.abs(x_exponent - y_exponent)
-        small = ~(swap | negative_x)
-        subtract = swap ^ negative_x
-        z = np.where(swap, self._table[0], np.where(negative_x, self._half_pi, 0))
-        low = small & (distance > fmt.bias)
-        exponent = np.where(low, fmt.gradual, fmt.bias + 1 - np.where(small, distance, 0))
-        wait = np.where(small, np.where(low & fmt.gradual, distance - fmt.bias, 0), distance)
+        distance, top_exponent = np.abs(x_exponent - y_exponent), np.maximum(x_exponent, y_exponent)
+        first = np.minimum(distance, self._last)
 
-        # Iterate. ``x ^ ones`` is -x - 1 where ones is -1.
+        # Iterate. ``x ^ ones`` is -x - 1 where ones is -1. z is kept in two limbs.
         table = np.array(self._table)
-        index = np.minimum(distance, self._last)
+        low, high, mask = np.zeros_like(x), np.zeros_like(x), (1 << width + 1) - 1
         for step in range(self.iterations):
-            active = wait <= step
-            ones = np.where(y < 0, -1, 0)
-            angle = np.where(active, table[index], 0)
-            z = 2 * z + np.where((y < 0) ^ subtract, -angle, angle)
-            y, x = (np.where(active, 2 * (y - ((x ^ ones) - ones)), y),
-                    np.where(active, x - ((y ^ ~ones) >> 2 * index), x))
-            index = np.minimum(index + active, self._last)
+            ones, angle = y >> 63, table[-1]
+            grown = x
+            if step < self._last:
+                index = np.minimum(first + step, self._last)
+                angle, grown = table[index], x + ((y ^ ones) >> 2 * index) * (index < self._last)
+            low = 2 * low + ((angle ^ ones) - ones)
+            high, low = 2 * high + (low >> width + 1), low & mask
+            y, x = 2 * (y - ((x ^ ones) - ones)), grown
 
-        # Round.
-        top = z >> (width + self.iterations - fmt.precision - 3)
-        shift = sum((top >> (fmt.precision + 1)) < bound for bound in (4, 2, 1))
-        if fmt.gradual:
-            shift = np.minimum(shift, exponent - 1)
-        top = (top << shift) >> 3
-        exponent = exponent - shift
-        subnormal = top >> fmt.precision == 0
-        encoded = (np.where(subnormal, 0, exponent) << fmt.fraction_width) + \
-            ((top >> 1) & ((1 << fmt.fraction_width) - 1)) + (top & 1)
-        if not fmt.gradual:
-            encoded = np.where(exponent < 1, 0, encoded)
-        encoded = np.array([*self._constants, 0])[kind] + np.where(kind == _COMPUTED, encoded, 0)
-        return fmt.from_bits(encoded | (negative_y & (kind != _NAN)) << (fmt.width - 1))
+        # Align, in units of 2**-(width + 1).
+        surplus = self.iterations - 2
+        z = (high << max(width + 1 - surplus, 0) >> max(surplus - width - 1, 0)) + (low >> surplus)
+        small = ~(swap | negative_x)
+        shift = np.where(small, np.where(fmt.gradual, np.maximum(distance - fmt.bias, 0), 0), distance)
+        base = np.where(swap, self._half_pi, np.where(negative_x, self._pi, 0))
+        z = base + ((z >> (shift & 1) >> 2 * np.minimum(shift >> 1, self._last)) ^ np.where(swap ^ negative_x, -1, 0))
 
-    def _unpack(self, values):
-        """Exponents and normalised significands, the latter with ``width`` fraction bits."""
-        fmt = self._format
-        bits = fmt.to_bits(values).astype(np.int64)
-        exponent = bits >> fmt.fraction_width & fmt.exponent_special
-        significand = bits & ((1 << fmt.fraction_width) - 1) | (exponent > 0) << fmt.fraction_width
-        exponent = np.maximum(exponent, 1)
-        if fmt.gradual:
-            zeros = fmt.precision - np.frexp(significand.astype(np.float64))[1]
-            exponent, significand = exponent - zeros, significand << zeros
-        return exponent, significand << (self._width - fmt.fraction_width)
+        # Round. No sticky bit: the angle is irrational.
+        exponent = np.where(small, np.maximum(-distance, -fmt.bias) if fmt.gradual else -distance, 0) - width - 1
+        encoded, _ = round_encoding(fmt, np.False_, exponent, z, Rounding.NEAREST_EVEN, np.True_)
+        encoded = np.where(computed, encoded, np.array([*self._constants, 0], dtype=np.uint64)[kind])
+        result = fmt.from_bits(encoded | (negative_y & ~is_nan).astype(np.uint64) << np.uint64(fmt.width - 1))
+        if not self._magnitude:
+            return (result,)
+
+        # Undo the gain and round the length, which is never less than 1.
+        wide = np.int64 if width <= 30 else object
+        length = x.astype(wide) * np.array(self._reciprocal_gains, dtype=wide)[first] >> 2 * width - fmt.precision
+        length = np.maximum(length.astype(np.int64), 1 << fmt.precision)
+        encoded, _ = round_encoding(fmt, np.False_, top_exponent - fmt.precision, length, Rounding.NEAREST_EVEN,
+                                    np.True_)
+        length = np.where(computed, fmt.from_bits(encoded), np.where(infinite, fmt.from_bits(fmt.infinity), longer))
+        return result, fmt.canonical(length)
+
+    def _normalised(self, values, computed):
+        """Exponents and significands, the latter with ``width`` fraction bits."""
+        number = exact.unpack(self._format, np.where(computed, values, values.dtype.type(1)))
+        zeros = self._width + 1 - bit_length(number.significand)
+        return number.exponent - zeros + self._width, number.significand << zeros
+
+    # The circuit. Each stage takes what it needs and gives what later ones need, as a namespace.
 
     def elaborate(self, platform):
         m = Module()
-        fmt, width = self._format, self._width
+        (self._iterate if self._iterative else self._pipeline)(m)
+        return m
 
-        # Significands count units of 2**-width. x stays below 2 * sqrt(2) * 1.65 and |y| within 2x.
-        # Exponents of normalised subnormals go down to 2 - precision.
-        y = Signal(signed(width + 5), reset_less=True)
-        x = Signal(width + 3, reset_less=True)
-        z = Signal(width + self.iterations + 1, reset_less=True)
-        y_sign, x_sign, subtract = (Signal(name=name, reset_less=True)
-                                    for name in ("y_sign", "x_sign", "subtract"))
-        y_exponent = Signal(range(2 - fmt.precision if fmt.gradual else 0, fmt.exponent_special + 1),
-                            reset_less=True)
-        x_exponent = Signal.like(y_exponent)
-        exponent = Signal(range(fmt.bias + 2), reset_less=True)
-        kind = Signal(range(_COMPUTED + 1), reset_less=True)
-        index = Signal(range(self._last + 1), reset_less=True)
-        wait = Signal(self.iterations.bit_length(), reset_less=True)
+    def _pipeline(self, m):
+        s = self._load(m)
+        s.valid = self.start
+        s = self._rank(m, "load", s)
+        if self._format.gradual:
+            s.y, s.y_exponent = self._normalise(m, "y", s.y, s.y_exponent)
+            s.x, s.x_exponent = self._normalise(m, "x", s.x, s.x_exponent)
+            s = self._rank(m, "normalise", s)
+        s = self._rank(m, "prepare", self._prepare(m, s))
+        s.z = C(0, 0)
+        for step in range(self.iterations):
+            s = self._step(m, f"_{step}", s, known=step)
+            if (step + 1) % self._steps_per_cycle == 0:
+                s = self._rank(m, f"step_{step}", s)
+        s = self._begin_alignment(s)
+        s = self._rank(m, "align", self._end_alignment(s, self._grow(s, s.subtract)))
+        s = self._rank(m, "round", self._round(m, s))
+        m.d.comb += [self.done.eq(s.valid), self.result.eq(s.result)]
+        if self._magnitude:
+            m.d.comb += self.magnitude.eq(s.magnitude)
+
+    def _iterate(self, m):
+        fmt, width = self._format, self._width
+        # x stays below 2 * sqrt(2) * 1.65 and |y| within 2x; z and its table are below 2.
+        shapes = {"y": signed(width + 5), "x": width + 3, "z": width + self.iterations}
+        loaded = self._load(m)
+        r = self._registers(loaded, shapes)
+        if fmt.gradual:
+            # The operands change places twice and pass the one normaliser on the way.
+            y, y_exponent = self._normalise(m, "significand", r.y[:width + 1], r.y_exponent)
+            exchange = {"y": r.x, "y_exponent": r.x_exponent, "x": y, "x_exponent": y_exponent}
+        prepared = self._prepare(m, r)
+        self._registers(prepared, shapes, r)
+        r.z = Signal(shapes["z"], name="z", reset_less=True)
+
+        # The first step's addition to x serves the alignment too.
+        aligning = Signal()
+        ones = Mux(aligning, r.subtract, r.y[-1])
+        grown = Signal(width + 3)
+        m.d.comb += grown.eq(self._grow(r, ones, enable=aligning | (r.index != self._last)))
+        stepped = r
+        for step in range(self._steps_per_cycle):
+            stepped = self._step(m, f"_{step}", stepped, grown=grown if step == 0 else None)
+        begun = self._begin_alignment(stepped)
+        self._registers(begun, shapes, r)
+        ended = self._end_alignment(r, grown)
+        self._registers(ended, shapes, r)
         cycle = Signal(range(self._cycles), reset_less=True)
 
-        # Load, and find the special cases.
-        a, b = unpack(m, fmt, self.y, "y"), unpack(m, fmt, self.x, "x")
-        padding = C(0, width - fmt.fraction_width)
-        load = [y.eq(Cat(padding, a.significand)), y_exponent.eq(a.exponent), y_sign.eq(a.sign),
-                x.eq(Cat(padding, b.significand)), x_exponent.eq(b.exponent), x_sign.eq(b.sign)]
-        case = Signal.like(kind)
-        with m.If(a.is_nan | b.is_nan):
-            m.d.comb += case.eq(_NAN)
-        with m.Elif(a.is_infinite & b.is_infinite):
-            m.d.comb += case.eq(Mux(b.sign, 3, 1))
-        with m.Elif(a.is_zero | b.is_infinite):
-            m.d.comb += case.eq(Mux(b.sign, 4, 0))
-        with m.Elif(b.is_zero | a.is_infinite):
-            m.d.comb += case.eq(2)
-        with m.Else():
-            m.d.comb += case.eq(_COMPUTED)
-
-        # Normalise: the operands change places twice and pass the one normaliser on the way.
-        if fmt.gradual:
-            significand, zeros = normalise(m, y[len(padding):width + 1], "significand")
-            exchange = [y.eq(x), y_exponent.eq(x_exponent),
-                        x.eq(Cat(padding, significand)), x_exponent.eq(y_exponent - zeros)]
-
-        # Prepare. Y / X = 2**-distance * y / x and y < 2x, so step i0 = distance comes first.
-        difference = x_exponent - y_exponent
-        swap = difference < 0
-        distance = Signal(range(fmt.exponent_special + fmt.precision))
-        m.d.comb += distance.eq(Mux(swap, -difference, difference))
-        # Small angles are computed as 2**i0 times themselves and keep their precision. In the other
-        # octants z starts at pi/4 or pi/2 and doubles i0 + 1 times until the first digit counts;
-        # a subnormal waits likewise for its place.
-        small = ~(swap | x_sign)
-        low = small & (distance > fmt.bias)
-        delay = Mux(small, Mux(low, distance - fmt.bias, 0) if fmt.gradual else 0, distance)
-        prepare = [
-            subtract.eq(swap ^ x_sign),
-            z.eq(Mux(swap, self._table[0], Mux(x_sign, self._half_pi, 0))),
-            exponent.eq(Mux(low, int(fmt.gradual), fmt.bias + 1 - Mux(small, distance, 0))),
-            index.eq(Mux(distance < self._last, distance, self._last)),
-            wait.eq(delay | delay[len(wait):].any().replicate(len(wait))),
-            cycle.eq(self._cycles - 1),
-        ]
-
-        # Iterate.
-        registers = state = y, x, z, index, wait
-        for step in range(self._steps_per_cycle):
-            state = self._step(m, step, subtract, *state)
-        iterate = [register.eq(value) for register, value in zip(registers, state, strict=True)]
-
-        # Round. The top bit of z weighs 2**(exponent - bias). At most three zeros lead it, unless the
-        # result is subnormal, which keeps the weight of exponent 1.
-        top = z[-(fmt.precision + 4):]
-        stop = [top[-1 - zeros] | (exponent == zeros + 1 if fmt.gradual else 0) for zeros in range(3)]
-        shift = Mux(stop[0], 0, Mux(stop[1], 1, Mux(stop[2], 2, 3)))
-        rounded = Signal(fmt.precision + 1)
-        stored = Signal(fmt.exponent_width)
-        m.d.comb += [
-            rounded.eq((top << shift)[3:]),
-            stored.eq(Mux(rounded[-1] | (not fmt.gradual), exponent - shift, 0)),
-        ]
-        # No sticky bit: the angle is irrational, and what z has below the guard bit is within its error.
-        encoded = round_nearest_even(fmt, stored, rounded[1:], rounded[0], 1)
-        magnitude = Signal(fmt.width - 1)
-        with m.Switch(kind):
-            for number, constant in enumerate(self._constants):
-                with m.Case(number):
-                    m.d.comb += magnitude.eq(constant)
-            with m.Default():
-                m.d.comb += magnitude.eq(encoded if fmt.gradual else Mux(exponent > shift, encoded, 0))
+        def to(values):
+            return [getattr(r, name).eq(value) for name, value in values.items() if getattr(r, name) is not value]
 
         def accept():
-            m.d.sync += [*load, kind.eq(case)]
+            m.d.sync += to(vars(loaded))
             m.next = "IDLE"
             with m.If(self.start):
                 m.next = "NORMALISE_Y" if fmt.gradual else "PREPARE"
@@ -254,48 +299,210 @@ class CordicAtan2(IterativeCordic):
             with m.State("IDLE"):
                 accept()
             if fmt.gradual:
-                with m.State("NORMALISE_Y"):
-                    m.d.sync += exchange
-                    m.next = "NORMALISE_X"
-                with m.State("NORMALISE_X"):
-                    m.d.sync += exchange
-                    m.next = "PREPARE"
+                for state, following in ("NORMALISE_Y", "NORMALISE_X"), ("NORMALISE_X", "PREPARE"):
+                    with m.State(state):
+                        m.d.sync += to(exchange)
+                        m.next = following
             with m.State("PREPARE"):
-                m.d.sync += prepare
-                with m.If(swap):
-                    m.d.sync += [y.eq(x), x.eq(y)]
+                m.d.sync += [*to(vars(prepared)), r.z.eq(0), cycle.eq(self._cycles - 1)]
                 m.next = "ITERATE"
             with m.State("ITERATE"):
-                m.d.sync += [*iterate, cycle.eq(cycle - 1)]
+                m.d.sync += [*to(vars(stepped)), cycle.eq(cycle - 1)]
                 with m.If(cycle == 0):
-                    m.next = "ROUND"
+                    m.d.sync += to(vars(begun))
+                    m.next = "ALIGN"
+            with m.State("ALIGN"):
+                m.d.comb += aligning.eq(1)
+                m.d.sync += to(vars(ended))
+                m.next = "ROUND"
             with m.State("ROUND"):
-                m.d.sync += [self.result.eq(Cat(magnitude, y_sign & (kind != _NAN))), self.done.eq(1)]
+                m.d.sync += [getattr(self, name).eq(value) for name, value in vars(self._round(m, r)).items()]
+                m.d.sync += self.done.eq(1)
                 accept()
-        return m
 
-    def _step(self, m, step, subtract, y, x, z, index, wait):
-        """One CORDIC step, number ``step`` of its cycle: the values that follow the given ones."""
-        after_y, after_x, after_z, after_index, after_wait = (
-            Signal.like(value, name=f"{name}_{step}")
-            for name, value in (("y", y), ("x", x), ("z", z), ("index", index), ("wait", wait)))
-        active = wait == 0
-        negative = y[-1]
-        turn = ~negative.replicate(len(y))
-        reverse = negative ^ subtract
-        # While waiting, the row of 1 stands for 0: only its leading bit needs a gate.
-        ratio = Array(C(row, self._width + 1) for row in self._table)[Mux(active, index, self._last)]
-        angle = Cat(ratio[:-1], ratio[-1] & active)
+    @staticmethod
+    def _registers(values, shapes, registers=None):
+        """A register for every value that has none yet."""
+        registers = registers or SimpleNamespace()
+        for name, value in vars(values).items():
+            if not hasattr(registers, name):
+                setattr(registers, name, Signal(shapes.get(name, value.shape()), name=name, reset_less=True))
+        return registers
+
+    def _carried(self, s, *names):
+        """What a stage hands on as it is."""
+        names += ("kind", "y_sign")
+        if self._magnitude:
+            names += ("is_nan", "is_infinite", "is_zero")
+        if hasattr(s, "valid"):
+            names += ("valid",)
+        return {name: getattr(s, name) for name in names}
+
+    def _load(self, m):
+        """Unpack, and find the special cases."""
+        fmt = self._format
+        a, b = unpack(m, fmt, self.y, "y"), unpack(m, fmt, self.x, "x")
+        padding = C(0, self._width - fmt.fraction_width)
+        kind = Signal(range(_COMPUTED + 1), name="case")
+        with m.If(a.is_nan | b.is_nan):
+            m.d.comb += kind.eq(_NAN)
+        with m.Elif(a.is_infinite & b.is_infinite):
+            m.d.comb += kind.eq(Mux(b.sign, 3, 1))
+        with m.Elif(a.is_zero | b.is_infinite):
+            m.d.comb += kind.eq(Mux(b.sign, 4, 0))
+        with m.Elif(b.is_zero | a.is_infinite):
+            m.d.comb += kind.eq(2)
+        with m.Else():
+            m.d.comb += kind.eq(_COMPUTED)
+        # Exponents of normalised subnormals go down to 2 - precision; those of zeros lower.
+        lowest = 1 - fmt.precision if fmt.gradual else 0
+        y_exponent, x_exponent = (Signal(range(lowest, fmt.exponent_special + 1), name=f"{name}_loaded")
+                                  for name in ("y_exponent", "x_exponent"))
+        m.d.comb += [y_exponent.eq(a.exponent), x_exponent.eq(b.exponent)]
+        s = SimpleNamespace(
+            y=Cat(padding, a.significand), y_exponent=y_exponent, y_sign=a.sign,
+            x=Cat(padding, b.significand), x_exponent=x_exponent, x_sign=b.sign, kind=kind)
+        if self._magnitude:
+            s.is_infinite, s.is_nan = a.is_infinite | b.is_infinite, a.is_nan | b.is_nan
+            s.is_zero, s.y_is_zero, s.x_is_zero = a.is_zero & b.is_zero, a.is_zero, b.is_zero
+        return s
+
+    def _normalise(self, m, name, operand, exponent):
+        """An operand with its leading one on top, and its exponent."""
+        padding = self._width - self._format.fraction_width
+        significand, zeros = normalise(m, operand[padding:], name)
+        following = Signal.like(exponent, name=f"{name}_exponent_normalised")
+        m.d.comb += following.eq(exponent - zeros)
+        return Cat(C(0, padding), significand), following
+
+    def _prepare(self, m, s):
+        """Exchange the operands if need be, and find first index, exponent and alignment."""
+        fmt = self._format
+        difference = s.x_exponent - s.y_exponent
+        swap, distance = Signal(name="exchanged"), Signal(range(fmt.exponent_special + fmt.precision))
+        m.d.comb += [swap.eq(difference < 0), distance.eq(Mux(swap, -difference, difference))]
+        if self._magnitude:
+            m.d.comb += swap.eq((difference < 0) | s.x_is_zero)
+        first = Signal(range(self._last + 1))
+        m.d.comb += first.eq(Mux(distance < self._last, distance, self._last))
+        if self._magnitude:
+            # The length is then x as it is.
+            with m.If(s.y_is_zero | s.x_is_zero):
+                m.d.comb += first.eq(self._last)
+        # Small angles are rounded as 2**d times themselves, but subnormal ones only at their place.
+        small = ~(swap | s.x_sign)
+        low = small & (distance > fmt.bias)
+        shift = Signal.like(distance)
+        m.d.comb += shift.eq(Mux(small, Mux(low, distance - fmt.bias, 0) if fmt.gradual else 0, distance))
+        prepared = SimpleNamespace(
+            y=Cat(Mux(swap, s.x, s.y)[:self._width + 1], C(0, 1)).as_signed(),
+            x=Mux(swap, s.y, s.x)[:self._width + 1], index=first,
+            swap=swap, subtract=swap ^ s.x_sign, odd=shift[0],
+            places=Mux(shift[1:] < self._last, shift[1:], self._last)[:len(first)],
+            exponent=Mux(low, int(fmt.gradual), fmt.bias + 1 - Mux(small, distance, 0))[:fmt.exponent_width],
+            **self._carried(s))
+        if self._magnitude:
+            prepared.first = first
+            prepared.top_exponent = Mux(swap, s.y_exponent, s.x_exponent)
+        return prepared
+
+    def _grow(self, s, ones, *, enable=None, known=0):
+        """x and y, shifted right by two places for each index, or its ones' complement."""
+        shifted = (s.y >> 2 * known) >> Cat(C(0, 1), s.index)
+        addend = (shifted ^ ones.replicate(self._width + 3))[:self._width + 3]
+        return (s.x + (addend if enable is None else addend & enable.replicate(len(addend))))[:self._width + 3]
+
+    def _step(self, m, name, s, *, known=None, grown=None):
+        """One CORDIC step. The index counts from row ``known`` on, which is static, or is counted on.
+
+        ``grown`` is x after the step, if there is a circuit for it already.
+        """
+        width, last = self._width, self._last
+        y = Signal(signed(width + 5), name=f"y{name}")
+        negative = s.y[-1]
+        # The carry of a subtraction enters at the low bit, which is zero in 2z and, always, in y.
+        turn = ~negative
+        m.d.comb += y.eq((Cat(turn, s.y[1:]).as_signed() + (s.x ^ turn.replicate(len(y)))) << 1)
+        values = {**vars(s), "y": y}
+
+        if known is None or known < last:
+            base = known or 0
+            if grown is None:
+                grown = Signal(width + 3, name=f"x{name}")
+                m.d.comb += grown.eq(self._grow(s, negative, enable=s.index < last - base, known=base))
+            values["x"] = grown
+            z = Signal(width + self.iterations if known is None else width + 1 + known, name=f"z{name}")
+            rows = [self._table[min(base + i, last)] for i in range(last + 1)]
+            angle = Array(C(row, width + 1) for row in rows)[s.index]
+            m.d.comb += z.eq(Cat(negative, s.z) + (angle ^ negative.replicate(len(z))))
+        else:
+            # A table of ones: z takes a binary digit.
+            z = Signal(len(s.z) + 1, name=f"z{name}")
+            m.d.comb += z.eq(Cat(C(0, 1), s.z[:width - 1], s.z[width - 1:] + Mux(negative, -1, 1)))
+        values["z"] = z
+        if known is None:
+            index = Signal.like(s.index, name=f"index{name}")
+            m.d.comb += index.eq(Mux(s.index == last, last, s.index + 1))
+            values["index"] = index
+        return SimpleNamespace(**values)
+
+    def _begin_alignment(self, s):
+        """The angle in place of y and what it is added to, or taken from, in place of x."""
+        angle = s.z[self.iterations - 2:]
+        base = Mux(s.swap, self._half_pi, Mux(s.subtract, self._pi, 0))
+        begun = SimpleNamespace(
+            y=Mux(s.odd, angle >> 1, angle), x=base, index=s.places,
+            **self._carried(s, "subtract", "exponent"))
+        if self._magnitude:
+            begun.length, begun.first, begun.top_exponent = s.x, s.first, s.top_exponent
+        return begun
+
+    def _end_alignment(self, s, angle):
+        """The angle in units of 2**-(width + 1), and the length without the gain."""
+        ended = SimpleNamespace(aligned=angle, **self._carried(s, "exponent"))
+        if self._magnitude:
+            factor = Array(C(row, self._width + 1) for row in self._reciprocal_gains)[s.first]
+            ended.product = (s.length * factor)[2 * self._width - self._format.precision:2 * self._width + 2]
+            ended.top_exponent = s.top_exponent
+        return ended
+
+    def _round(self, m, s):
+        """Round, and put special cases in."""
+        fmt = self._format
+        # The top bit weighs 2**(exponent - bias). At most three zeros lead it, unless the
+        # result is subnormal, which keeps the weight of exponent 1.
+        top = s.aligned[-(fmt.precision + 4):]
+        stop = [top[-1 - zeros] | (s.exponent == zeros + 1 if fmt.gradual else 0) for zeros in range(3)]
+        shift = Mux(stop[0], 0, Mux(stop[1], 1, Mux(stop[2], 2, 3)))
+        rounded = Signal(fmt.precision + 1)
+        stored = Signal(fmt.exponent_width)
         m.d.comb += [
-            # y turns towards zero and doubles, and x grows by |y| >> 2 * index, rounded up. The
-            # carry of a subtraction enters at the low bit, which is zero in 2z and, always, in y.
-            after_y.eq(Mux(active, ((Cat(~negative, y[1:]) + (x ^ turn)) << 1)[:len(y)], y)),
-            after_x.eq(Mux(active, x - ((y >> Cat(C(0, 1), index)) ^ turn)[:len(x)], x)),
-            after_z.eq(Cat(reverse, z) + (angle ^ reverse.replicate(len(z)))),
-            after_index.eq(index + (active & (index != self._last))),
-            after_wait.eq(Mux(active, 0, wait - 1)),
+            rounded.eq((top << shift)[3:]),
+            stored.eq(Mux(rounded[-1] | (not fmt.gradual), s.exponent - shift, 0)),
         ]
-        return after_y, after_x, after_z, after_index, after_wait
+        # No sticky bit: the angle is irrational, and what lies below the guard bit is within its error.
+        encoded = round_significand(fmt, stored, rounded[1:], rounded[0], 1)
+        angle = Signal(fmt.width - 1)
+        with m.Switch(s.kind):
+            for number, constant in enumerate(self._constants):
+                with m.Case(number):
+                    m.d.comb += angle.eq(constant)
+            with m.Default():
+                m.d.comb += angle.eq(encoded if fmt.gradual else Mux(s.exponent > shift, encoded, 0))
+        results = SimpleNamespace(result=Cat(angle, s.y_sign & (s.kind != _NAN)))
+
+        if self._magnitude:
+            # The length lies between 1 and 4; what is less is off by its error.
+            double, single = s.product[-1], s.product[-2]
+            extended = Mux(double, Cat(C(1, 1), s.product[1:]),
+                           Mux(single, Cat(C(1, 1), s.product[:-1]), 1 << fmt.precision + 1))
+            length = SimpleNamespace(
+                sign=C(0, 1), is_nan=s.is_nan & ~s.is_infinite, is_infinite=s.is_infinite, is_zero=s.is_zero,
+                exponent=s.top_exponent + double, extended=extended[:fmt.precision + 2])
+            results.magnitude, _ = round_and_pack(m, fmt, length)
+        if hasattr(s, "valid"):
+            results.valid = s.valid
+        return results
 
 
 def _encode_quarters(fmt, count):

@@ -4,7 +4,7 @@ import math
 
 __all__ = ["SCALE", "scaled_atan", "scaled_reciprocal_gain", "least_remainder", "round_shift"]
 
-SCALE = 128
+SCALE = 256
 """Fraction bits of the integers that constants are computed from."""
 
 
