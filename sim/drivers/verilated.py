@@ -79,10 +79,12 @@ class VerilatedModel:
     Raises: SimulatorMissingError without Verilator or g++; RuntimeError if they fail.
     """
 
+    DRIVER = files(__package__) / "verilated.cpp"
+
     def __init__(self, verilog, interface, build):
         self.interface = interface
         build = Path(build).resolve()
-        driver = (files(__package__) / "verilated.cpp").read_text()
+        driver = self.DRIVER.read_text()
         key = hashlib.sha256("\0".join((
             Path(verilog).read_text(), interface.header(), repr(interface.probes), driver,
             str(verilator_root()))).encode()).hexdigest()[:16]

@@ -1,0 +1,1 @@
+"""Proofs and exhaustive checks of the operators, and faults that their tests must notice: docs/proof.md."""

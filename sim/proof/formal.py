@@ -1,0 +1,50 @@
+"""Proves the catalogue's properties, several at a time, and sums up what came of them."""
+
+import json
+import re
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+
+from .catalogue import properties
+from .solver import ENGINE, prove
+
+__all__ = ["chosen", "run", "summary"]
+
+
+def chosen(pattern=""):
+    """The properties whose subject or claim matches a regular expression."""
+    return [prop for prop in properties() if re.search(pattern, f"{prop.subject}: {prop.claim}")]
+
+
+def run(props, build, *, jobs=2, report=lambda prop, outcome: None):
+    """Try to prove properties; returns their outcomes, and writes them to ``build/outcomes.json``."""
+    def one(numbered):
+        number, prop = numbered
+        outcome = prove(prop, build / f"{number:03}")
+        report(prop, outcome)
+        return outcome
+
+    with ThreadPoolExecutor(jobs) as pool:
+        outcomes = list(pool.map(one, enumerate(props)))
+    (build / "outcomes.json").write_text(json.dumps([
+        {"folder": f"{number:03}", "operator": prop.subject, "property": prop.claim, "engine": ENGINE,
+         "depth": prop.depth, "result": outcome.word, "seconds": round(outcome.seconds, 1)}
+        for number, (prop, outcome) in enumerate(zip(props, outcomes, strict=True))], indent=2) + "\n")
+    return outcomes
+
+
+def summary():
+    """The catalogue as a Markdown table: property, operators, number of variants, depths."""
+    counts: Counter[tuple[str, str]] = Counter()
+    depths: dict[tuple[str, str], set[int]] = {}
+    for prop in properties():
+        # One row for the idle cycles, and no parameters.
+        operator = "the ten vendor operators" if prop.subject.startswith("vendor ") else prop.subject.split(",")[0]
+        key = re.sub(r", \d idle cycles between,", "", prop.claim), operator
+        counts[key] += 1
+        depths.setdefault(key, set()).add(prop.depth)
+    rows = ["| property | operator | variants | clock edges |", "|---|---|---:|---:|"]
+    for (claim, operator), count in counts.items():
+        least, most = min(depths[claim, operator]), max(depths[claim, operator])
+        rows.append(f"| {claim} | {operator} | {count} | {least if least == most else f'{least} to {most}'} |")
+    return "\n".join([*rows, f"| all | | {counts.total()} | |"])

