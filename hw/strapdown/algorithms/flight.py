@@ -1,0 +1,341 @@
+"""An attitude filter to fly with: 9-axis, or 6-axis without magnetometer.
+
+Frames: b body, n navigation, whose axes a ``Frame`` names; z is vertical in all of them. ``c`` is
+C_n^b (navigation to body) as rows, ``q`` the body-to-navigation quaternion, scalar first. ``a``
+and ``m`` may have any unit, ``g`` and ``bias`` are in deg/s, angles come out in degrees.
+
+A correction is a vector along its axis of the length tan(angle/2): q⊗(1, p) turns by just that
+angle, and for small angles p is half of it in radians.
+
+Order of an update: the gyro turns the quaternion, together with what the update before found to
+correct; then specific force and field are turned into n by the new attitude. What they show to be
+wrong is corrected by the next update, so that angles come out beside it and not behind it.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from .attitude import Update, euler_angles
+from .vector import SHORTEST_SQUARE, add, dot, permute, scale, transposed_vector
+
+__all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "bias_update",
+           "field_correction", "flight_update", "matrix_of_turn", "tilt_correction", "turned"]
+
+DEGREES = 180 / math.pi
+
+ALIGNMENTS = 4
+"""First samples that are believed at once. More than one, because a correction turns by 127° at most."""
+
+LONGEST_PERIOD = 0.1
+"""Longest period in seconds; a longer one counts as this. Gain times period stays near 1 or below."""
+
+UPSIDE_DOWN = 2.0**-17
+"""So near (rad) to upside down the axis to turn back about is made up: nothing shows one."""
+
+FIELD_SETTLING = 2.0
+"""Rate (1/s) at which the reference of the field follows when the start-up ramp begins."""
+
+
+class Frame(NamedTuple):
+    """Axes of the navigation frame: whether z points up (1) or down (-1), and which axis is north."""
+
+    up: int
+    north: int
+
+    def upward(self, vector):
+        """The part of a vector in n that points up."""
+        return vector[2] if self.up > 0 else -vector[2]
+
+    def horizontal(self, vector):
+        """The parts north, and a right-handed quarter turn about z from there."""
+        return (vector[0], vector[1]) if self.north == 0 else (vector[1], -vector[0])
+
+
+FRAMES = {"NWU": Frame(up=1, north=0), "ENU": Frame(up=1, north=1), "NED": Frame(up=-1, north=0)}
+
+
+class Parameters(NamedTuple):
+    """Gains, times and limits: numbers, or values that are known at run time only."""
+
+    accelerometer_gain: Any
+    """rad/s per radian of tilt"""
+    magnetometer_gain: Any
+    """rad/s per radian of heading"""
+    acceleration_time: Any
+    """s, time constant of the earth-frame low-pass"""
+    rest_rate: Any
+    """deg/s, from the gyro's average"""
+    rest_acceleration: Any
+    """part of gravity, from the low-passed specific force"""
+    rest_time: Any
+    """s without motion that count as rest"""
+    rest_average_time: Any
+    """s, time constant of the gyro's average, and of the bias at rest"""
+    bias_limit: Any
+    """deg/s, length of the bias vector"""
+    bias_gain: Any
+    """rad/s² per radian of tilt, before the first rest"""
+    bias_gain_after_rest: Any
+    """the same after it"""
+    field_tolerance: Any
+    """part of the field's strength by which it may differ from the reference"""
+    field_time: Any
+    """s, time constant of the reference while the field agrees"""
+    field_recovery_time: Any
+    """s, the same while it does not"""
+    ramp_gain: Any
+    """rad/s per radian, added to both gains at the start"""
+    ramp_time: Any
+    """s, in which that falls to zero"""
+    gyro_range: Any
+    """deg/s, longest rate vector that was measured in full"""
+    accelerometer_range: Any
+    """unit of the accelerometer, longest specific force that was measured in full"""
+
+
+def minimum(xp, a, b):
+    """The smaller of a and b."""
+    return xp.select(a < b, a, b)
+
+
+def subtract(a, b):
+    """Difference of two vectors."""
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def squared(x):
+    """x²."""
+    return x * x
+
+
+def response(xp, period, time):
+    """1 - exp(-period/time), what a one-pole low-pass takes of a new sample.
+
+    Of plain numbers exactly; at run time x - x²/2 for x = period/time, held at 1/2: too small by
+    less than x²/6 of it, and stable for any period.
+    """
+    if type(period) is type(time) is float:
+        return -math.expm1(-period / time)
+    return saturating(minimum(xp, period / time, 1.0))
+
+
+def saturating(x):
+    """1 - exp(-x) for x in [0, 1], but for less than x²/6 of it: x - x²/2."""
+    return x - 0.5 * (x * x)
+
+
+def limited(xp, period):
+    """A period known at run time held in [0, LONGEST_PERIOD]. Returns (it, a margin: negative if it was not)."""
+    margin = minimum(xp, period, LONGEST_PERIOD - period)
+    return minimum(xp, xp.maximum(period, 0.0), LONGEST_PERIOD), margin
+
+
+def share(xp, period, clock):
+    """period/(clock + period), the weight of a new sample in the mean of all since the clock was zero; before: 1."""
+    elapsed = xp.maximum(clock, 0.0) + period
+    return period / (elapsed if type(period) is float else xp.maximum(elapsed, SHORTEST_SQUARE))
+
+
+def low_pass(low, value, weight):
+    """Two one-pole low-passes in a row. Returns (both, the value minus the first)."""
+    first, second = low
+    innovation = subtract(value, first)
+    first = add(first, scale(weight, innovation))
+    return (first, add(second, scale(weight, subtract(first, second)))), innovation
+
+
+def held(xp, gain, *parameters):
+    """A gain in [0, 1]: as it is if its parameters are plain numbers, which the configuration has checked."""
+    if all(type(parameter) is float for parameter in parameters):
+        return gain
+    return minimum(xp, xp.maximum(gain, 0.0), 1.0)
+
+
+def turned(xp, q, omega, square, beyond, pending, period):
+    """q⊗(1, x), not normalised, for x = tan(T·|omega|/2) along omega, plus the pending correction.
+
+    ``omega`` is in deg/s and ``square`` its squared length. tan(y) = y + y³/3 leaves 2/15·y⁵, or
+    0.00008° of a turn by 10°. ``beyond`` the gyro's range it is y: no rate may take |q|² near overflow,
+    where its reciprocal is zero.
+    """
+    half = period * (0.5 / DEGREES)
+    factor = xp.select(beyond, half, half + (half * half * half * (1 / 3)) * square)
+    x, y, z = add(scale(factor, omega), pending)
+    q0, q1, q2, q3 = q
+    return ((q0 - q1 * x) - (q2 * y + q3 * z),
+            (q1 + q0 * x) + (q2 * z - q3 * y),
+            (q2 + q0 * y) + (q3 * x - q1 * z),
+            (q3 + q0 * z) + (q1 * y - q2 * x))
+
+
+def matrix_of_turn(q, reciprocal):
+    """C = C_n^b as rows from q of any length, ``reciprocal`` = 1/|q|²."""
+    _, q1, q2, q3 = q
+    d0, d1, d2, d3 = scale(reciprocal + reciprocal, q)
+    return ((1 - (d2 * q2 + d3 * q3), d1 * q2 + d0 * q3, d1 * q3 - d0 * q2),
+            (d1 * q2 - d0 * q3, 1 - (d1 * q1 + d3 * q3), d2 * q3 + d0 * q1),
+            (d1 * q3 + d0 * q2, d2 * q3 - d0 * q1, 1 - (d1 * q1 + d2 * q2)))
+
+
+def tilt_correction(xp, low, frame):
+    """tan(angle/2) from the low-passed specific force to the vertical, about the horizontal axis between them.
+
+    With L = |low| and its upward part u that is (low × up)/(L + u). Beyond 120° the divisor stays at
+    L/2, which keeps the length below √3. Returns ((x, y) in n, L, L²).
+    """
+    square = xp.maximum(dot(low, low), SHORTEST_SQUARE)
+    length = xp.sqrt(square)
+    divisor = length + frame.upward(low)
+    reciprocal = 1 / xp.maximum(divisor, 0.5 * length)
+    x, y = (low[1], -low[0]) if frame.up > 0 else (-low[1], low[0])
+    x = xp.select(divisor < UPSIDE_DOWN * length, length, x)
+    return (reciprocal * x, reciprocal * y), length, square
+
+
+def field_correction(xp, h, reference, frame, parameters):
+    """tan(angle/2) from the field's horizontal part to north, about z, and how far the field is to be believed.
+
+    Beyond ±90° the tangent stays at ±1. The field belongs to the vertical plane with the components
+    (horizontal, upward); ``reference`` is where it uses to be. Its weight falls from 1, where it is there,
+    to 0, where it is off by the tolerance: 1 - (distance/(tolerance·|reference|))².
+
+    Returns (tangent, weight, distance as two components, margin of the tolerance, whether there is no field).
+    """
+    north, beside = frame.horizontal(h)
+    level = dot((north, beside), (north, beside))
+    strength, upward = xp.sqrt(level), frame.upward(h)
+    absent = level + upward * upward < SHORTEST_SQUARE
+    tangent = -beside / xp.maximum(strength + north, SHORTEST_SQUARE)
+    tangent = xp.select(north < 0.0, xp.select(beside < 0.0, 1.0, -1.0), tangent)
+    distance = subtract((strength, upward), reference)
+    allowed = squared(parameters.field_tolerance) * dot(reference, reference)
+    margin = allowed - dot(distance, distance)
+    weight = xp.maximum(margin, 0.0) / xp.maximum(allowed, SHORTEST_SQUARE)
+    return tangent, weight, distance, margin, absent
+
+
+def bias_update(xp, bias, mean, at_rest, smoothing, tilt_b, gain, limit):
+    """The gyro's bias: at rest towards its average, in motion against the tilt that it causes.
+
+    ``gain`` is per tangent of the tilt's half. A bias beyond the limit is not learnt; one that is
+    beyond it already, because the limit is an input, goes down.
+    """
+    weight = xp.select(at_rest, smoothing, 0.0)
+    candidate = subtract(add(bias, scale(weight, subtract(mean, bias))), scale(gain, tilt_b))
+    beyond = limit * limit < dot(candidate, candidate)
+    if type(limit) is not float:
+        bias = subtract(bias, scale(smoothing, bias))
+    return tuple(xp.select(beyond, old, new) for old, new in zip(bias, candidate, strict=True))
+
+
+def flight_update(xp, a, g, q, pending, first, second, mean, bias, clock, rest_clock, rested, *,
+                  m=None, reference=None, field_clock=None, field_age=None, period, parameters, frame, axes):
+    """One update of the filter. Without ``m`` it is the 6-axis one, whose heading is the gyro's alone.
+
+    Parameters
+    ----------
+    a, g, m : specific force, angular rate (deg/s) and field, in each sensor's axes
+    q, pending : quaternion, and the correction that waits for this update (in b)
+    first, second : specific force after one and two low-passes (in n)
+    mean, bias : average and bias of the gyro, deg/s
+    clock, field_clock : s since the sensors began to be used; from -ALIGNMENTS to 0 it counts samples
+    rest_clock, rested : s without motion; whether there was a rest, 1 or -1
+    reference, field_age : usual (horizontal, upward) field; s since there was a field
+    period : T in s, a number, or a value that is held in [0, LONGEST_PERIOD]
+    axes : sensor axes along body x, y and z, by "a", "g" and "m"
+    """
+    p = parameters
+    with xp.section("GYRO"):
+        a, g = permute(axes["a"], a), permute(axes["g"], g)
+        omega = subtract(g, bias)
+        square = dot(omega, omega)
+        range_margin = squared(p.gyro_range) - square
+        if type(period) is not float:
+            period, period_margin = limited(xp, period)
+            range_margin = minimum(xp, range_margin, period_margin)
+    with xp.section("QUAT"):
+        q = turned(xp, q, omega, square, range_margin < 0.0, pending, period)
+        reciprocal = 1 / dot(q, q)
+    with xp.section("MATX"):
+        c = matrix_of_turn(q, reciprocal)
+        q = scale(xp.sqrt(reciprocal), q)
+
+    with xp.section("ACC_MAG"):
+        force = dot(a, a)
+        accelerometer_missing = force < SHORTEST_SQUARE
+        force_margin = squared(p.accelerometer_range) - force
+        unusable = xp.select(accelerometer_missing, -1.0, force_margin) < 0.0
+        starting = 1 - clock * (1 / p.ramp_time)
+        weight = xp.maximum(share(xp, period, clock), response(xp, 2 * period, p.acceleration_time))
+        earth = transposed_vector(c, a)
+        (first, second), innovation = low_pass((first, second), earth, xp.select(unusable, 0.0, weight))
+        tilt, gravity, gravity_square = tilt_correction(xp, second, frame)
+        gain = held(xp, period * (p.accelerometer_gain + p.ramp_gain * xp.maximum(starting, 0.0)),
+                    p.accelerometer_gain, p.ramp_gain, p.ramp_time)
+        # A tilt is laid to the bias only if that can cause it.
+        slack = squared(p.bias_limit * (0.5 / DEGREES) * (1 / p.accelerometer_gain)) - dot(tilt, tilt)
+        tilt = scale(xp.select(clock < 0.0, 1.0, gain), tilt)
+        tilt_b = tuple(row[0] * tilt[0] + row[1] * tilt[1] for row in c)
+        correction = tilt_b
+
+        smoothing = response(xp, period, p.rest_average_time)
+        deviation = subtract(g, mean)
+        mean = add(mean, scale(xp.select(range_margin < 0.0, 0.0, xp.select(clock < 0.0, 1.0, smoothing)), deviation))
+        restless = (gravity_square * (dot(deviation, deviation) * squared(1 / p.rest_rate))
+                    + dot(innovation, innovation) * squared(1 / p.rest_acceleration))
+        rest_clock = xp.select(unusable, 0.0, rest_clock + period)
+        rest_clock = xp.select(gravity_square < restless, 0.0, rest_clock)
+        rest_clock = xp.select(squared(p.bias_limit) < dot(mean, mean), 0.0, rest_clock)
+        at_rest = p.rest_time < rest_clock
+        # The tilt above is the gain times T times the tangent: divided by the gain, it is T times the tangent.
+        learning = 2 * DEGREES / p.accelerometer_gain
+        gain = xp.select(rested < 0.0, learning * p.bias_gain, learning * p.bias_gain_after_rest)
+        gain = xp.select(starting < 0.0, xp.select(slack < 0.0, 0.0, gain), 0.0)
+        bias = bias_update(xp, bias, mean, at_rest, smoothing, tilt_b, gain, p.bias_limit)
+        rested = xp.select(at_rest, 1.0, rested)
+        range_exceeded = minimum(xp, force_margin, range_margin) < 0.0
+
+    state = {"q": q, "mean": mean, "bias": bias, "rest_clock": rest_clock, "rested": rested}
+    status = {"accelerometer_missing": accelerometer_missing, "starting": -starting < 0.0, "at_rest": at_rest,
+              "range_exceeded": range_exceeded}
+    if m is not None:
+        with xp.section("ACC_MAG"):
+            h = transposed_vector(c, permute(axes["m"], m))
+            tangent, believed, distance, margin, absent = field_correction(xp, h, reference, frame, p)
+            # Heading waits for the vertical.
+            idle = xp.select(absent, -1.0, clock) < 0.0
+            age = minimum(xp, field_age + period, LONGEST_PERIOD)
+            field_starting = 1 - field_clock * (1 / p.ramp_time)
+            ramp = xp.maximum(field_starting, 0.0)
+            gain = held(xp, age * (p.magnetometer_gain * believed + p.ramp_gain * ramp),
+                        p.magnetometer_gain, p.ramp_gain, p.ramp_time)
+            turn = xp.select(field_clock < 0.0, 1.0, gain) * tangent
+            turn = xp.select(idle, 0.0, turn)
+            correction = tuple(x + row[2] * turn for x, row in zip(correction, c, strict=True))
+            slow = 1 / p.field_recovery_time
+            rate = (slow + (1 / p.field_time - slow) * believed) + FIELD_SETTLING * ramp
+            follow = xp.select(idle, 0.0, xp.select(field_clock < 0.0, 1.0, saturating(minimum(xp, age * rate, 1.0))))
+            state["reference"] = add(reference, scale(follow, distance))
+            passed = xp.select(field_clock < 0.0, 1.0, age)
+            state["field_clock"] = field_clock + xp.select(idle, 0.0, passed)
+            state["field_age"] = xp.select(idle, age, 0.0)
+            rejected = xp.select(idle, 1.0, xp.select(field_starting < 0.0, margin, 1.0))
+            status |= {"magnetometer_missing": absent, "magnetometer_rejected": rejected < 0.0}
+
+    with xp.section("ACC_MAG"):
+        # The correction turns n under the low-passes, so they turn with it. What that does to z, and
+        # what heading does to x and y, is of second order.
+        x, y = add(tilt, tilt)
+        for name, low in ("first", first), ("second", second):
+            state[name] = low[0] + y * low[2], low[1] - x * low[2], low[2]
+        state["pending"] = correction
+        passed = xp.select(clock < 0.0, xp.select(unusable, 0.0, 1.0), period)
+        state["clock"] = clock + passed
+
+    with xp.section("EULER"):
+        cosine = xp.sqrt(dot((c[1][2], c[2][2]), (c[1][2], c[2][2])))
+        angles = euler_angles(xp, c[0][0], c[0][1], c[0][2], cosine, c[1][2], c[2][2])
+        up = tuple(frame.upward(row) for row in c)
+        linear = subtract(a, scale(gravity, up))
+    return Update(outputs={"c": c, "angles": angles, "q": q, "bias": bias, "earth": earth, "linear": linear},
+                  state=state, status=status)

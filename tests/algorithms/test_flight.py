@@ -1,0 +1,139 @@
+"""The flight filter's kernel in float64 against the reference, which was written from the equations and not from it."""
+
+import numpy as np
+import pytest
+from strapdown_sim.errors import rotation_angle
+from strapdown_sim.reference.flight import STATUS
+from strapdown_sim.replay import flight_filter
+
+from strapdown.algorithms.flight import FRAMES, field_correction, tilt_correction
+from strapdown.config import FLIGHT, FLIGHT_6AXIS
+from strapdown.cores.flight import ins_flight
+from strapdown.kernel.numeric import Float64
+
+RATE_HZ = 100
+
+
+def samples(seconds, seed=5):
+    """Sensors of a body that rests, turns, shakes, and meets other fields and holes in its data."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    moving = (t > 4)[:, None]
+    gyro = (0.5, -0.3, 0.2) + moving * 200 * np.sin(np.outer(t, (1.3, 1.7, 0.9)))
+    gyro += 0.05 * rng.standard_normal((len(t), 3))
+    accel = np.array([1.0, -2.0, 9.5]) + moving * rng.standard_normal((len(t), 3)) * 2
+    mag = np.array([18.0, 5.0, -44.0]) + moving * 4 * np.cos(np.outer(t, (0.7, 1.1, 0.5)))
+    mag[t > 8] *= 1.5
+    for vector in accel, mag:
+        vector[(rng.random(len(t)) < 0.02) & (t > 4)] = 0
+    accel[(rng.random(len(t)) < 0.01) & (t > 4)] *= 40
+    return accel, mag, gyro
+
+
+def run_kernel(config, accel, mag, gyro, extra=None):
+    """The kernel in float64, update by update: outputs and status by name, shape (N,)."""
+    system = ins_flight(config)
+    ports = {port: column for name, vectors in (("acc", accel), ("mag", mag), ("gyro", gyro))
+             for port, column in zip((f"in_{name}{axis}" for axis in "xyz"), vectors.T, strict=True)}
+    ports = {port: values for port, values in (ports | (extra or {})).items() if port in system.input_ports}
+    state, rows = dict(system.reset), []
+    with np.errstate(all="ignore"):
+        for sample in zip(*ports.values(), strict=True):
+            update = system.update_float64(dict(zip(ports, sample, strict=True)), state)
+            state = {word: update[word] for word in state}
+            rows.append(update)
+    return {name: np.array([row[name] for row in rows]) for name in (*system.output_ports, *system.status)}
+
+
+def compare(kernel, truth):
+    """The kernel's two approximations are far below 0.001°, which an error in an equation would not be.
+
+    The field's reference learns by x - x²/2 where the exact weight is 1 - exp(-x): x²/6 = 1e-3 of it at
+    most in the ramp. A turn is short by 2/15·y⁵, 1e-9 rad at 2° a sample.
+    """
+    q = np.stack([kernel[f"out_q{k}"] for k in range(4)], axis=-1)
+    assert rotation_angle(q, truth.q_b2n).max() < 1e-3
+    c = np.stack([kernel[f"out_c{row}{column}"] for row in "123" for column in "123"], axis=-1)
+    assert np.abs(c.reshape(-1, 3, 3) - truth.c_n2b).max() < 2e-5
+    for name in "bias", "earth", "linear":
+        expected = truth.bias_deg_s if name == "bias" else getattr(truth, name)
+        got = np.stack([kernel[f"out_{name}{axis}"] for axis in "xyz"], axis=-1)
+        assert np.abs(got - expected).max() <= 2e-5 * max(np.abs(expected).max(), 1)
+    for name in STATUS[:-1]:
+        if name in kernel:
+            # A threshold may be met one sample earlier or later.
+            assert np.count_nonzero(kernel[name] != truth.status[name]) <= 2, name
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_kernel_is_the_reference(frame):
+    config = FLIGHT.replace(sample_rate_hz=RATE_HZ, frame=frame, rest_rate=3.0)
+    accel, mag, gyro = samples(14)
+    truth = flight_filter(config, RATE_HZ).run(accel, mag, gyro)
+    for name in "at_rest", "magnetometer_rejected", "accelerometer_missing", "range_exceeded":
+        assert truth.status[name].any(), name
+    compare(run_kernel(config, accel, mag, gyro), truth)
+
+
+def test_6_axes_and_turned_sensors():
+    config = FLIGHT_6AXIS.replace(sample_rate_hz=RATE_HZ, accelerometer_axes="-y,+x,+z", gyro_axes="+z,-y,+x")
+    accel, mag, gyro = samples(8)
+    compare(run_kernel(config, accel, mag, gyro), flight_filter(config, RATE_HZ).run(accel, None, gyro))
+
+
+def test_turned_magnetometer_that_is_slower():
+    config = FLIGHT.replace(sample_rate_hz=RATE_HZ, magnetometer_axes="+y,-x,+z", mag_valid_input="true")
+    accel, mag, gyro = samples(8)
+    valid = np.arange(len(mag)) % 7 == 3
+    compare(run_kernel(config, accel, mag, gyro, {"in_mag_valid": valid.astype(float)}),
+            flight_filter(config, RATE_HZ).run(accel, mag, gyro, mag_valid=valid))
+
+
+def test_period_and_gains_as_inputs():
+    names = ("magnetometer_gain", "accelerometer_gain", "acceleration_time", "ramp_time", "bias_gain",
+             "field_tolerance")
+    config = FLIGHT.replace(sample_rate_hz=RATE_HZ, period_input=True, inputs=names)
+    accel, mag, gyro = samples(8)
+    period = np.random.default_rng(1).uniform(0.004, 0.016, len(accel))
+    extra = {"in_period": period} | {f"in_{name}": np.full(len(accel), getattr(config, name)) for name in names}
+    kernel = run_kernel(config, accel, mag, gyro, extra)
+    truth = flight_filter(config, RATE_HZ).run(accel, mag, gyro, period_s=period)
+    q = np.stack([kernel[f"out_q{k}"] for k in range(4)], axis=-1)
+    # Weights are short by less than x²/6 of themselves, x = 0.032 s/0.5 s at most: 7e-4 of some degrees.
+    assert rotation_angle(q, truth.q_b2n).max() < 5e-3
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, 1e30, 0.1, 1e-12])
+def test_any_period_is_survived(period):
+    config = FLIGHT.replace(period_input=True)
+    accel, mag, gyro = samples(1)
+    kernel = run_kernel(config, accel, mag, gyro, {"in_period": np.full(len(accel), period)})
+    assert all(np.isfinite(values).all() for values in kernel.values())
+    assert kernel["range_exceeded"].all() == (period in (-1.0, 1e30))
+
+
+@pytest.mark.parametrize("angle", [0, 1e-6, 30, 90, 119, 120, 150, 179, 180])
+def test_tilt_is_the_tangent_of_half_the_angle(angle):
+    """Up to 120°; beyond, it still turns the right way, and never by more than twice √3."""
+    low = (7 * np.sin(np.radians(angle)), 0.0, 7 * np.cos(np.radians(angle)))
+    (x, y), length, square = tilt_correction(Float64, low, FRAMES["NWU"])
+    assert (length, square) == pytest.approx((7, 49))
+    if angle <= 120:
+        assert (x, y) == pytest.approx((0, -np.tan(np.radians(angle) / 2)), abs=1e-12)
+    else:
+        assert 0 < np.hypot(x, y) <= 2
+        assert y <= 0
+
+
+@pytest.mark.parametrize(("frame", "north"), [("NWU", (1, 0)), ("ENU", (0, 1)), ("NED", (1, 0))])
+@pytest.mark.parametrize("angle", [-180, -120, -90, -20, 0, 20, 90, 120, 179])
+def test_heading_is_the_tangent_of_half_the_angle(frame, north, angle):
+    turn = np.radians(angle)
+    x, y = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ north
+    tangent, weight, *_, absent = field_correction(
+        Float64, (x, y, 2.0), (1.0, -2.0 if frame == "NED" else 2.0), FRAMES[frame], FLIGHT.parameters)
+    if abs(angle) != 180:
+        assert tangent == pytest.approx(np.clip(-np.tan(turn / 2), -1, 1))
+    assert abs(tangent) <= 1
+    assert weight == pytest.approx(1)
+    assert not absent

@@ -1,0 +1,118 @@
+"""INS_flight: its interface, and its circuit against twin, reference and real recordings in Verilator."""
+
+import numpy as np
+import pytest
+from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.recordings import read_recording
+from strapdown_sim.replay import replay
+
+from strapdown.config import FLIGHT, FLIGHT_6AXIS, FLIGHT_CONFIGS, THESIS, ConfigError
+from strapdown.cores.attitude import attitude_core
+from strapdown.cores.flight import flight_core, ins_flight
+from strapdown.export import write_core
+
+SEED = 42
+UPDATES = 5000
+
+
+def names(pattern, parts):
+    return {pattern.format(part) for part in parts.split()}
+
+
+MORE_OUTPUTS = names("out_q{}", "0 1 2 3") | names("out_bias{}", "x y z") | names("out_earth{}", "x y z") \
+    | names("out_linear{}", "x y z")
+
+
+def test_configurations_go_by_their_names():
+    assert {name: config.name for name, config in FLIGHT_CONFIGS.items()} == {
+        "flight": "flight", "flight_6axis": "flight_6axis"}
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"frame": "NEU"}, "configuration flight: frame must be 'NWU', 'ENU' or 'NED', not 'NEU'"),
+    ({"inputs": "ramp_time,gain"},
+     "configuration flight: inputs must name parameters of the filter, which gain is not, not ('ramp_time', 'gain')"),
+    ({"acceleration_time": 0}, "configuration flight: acceleration_time must be greater than 0, not 0"),
+    ({"gyro_axes": "+x,+y,+y"}, "configuration flight: gyro_axes must name each sensor axis once, with its sign, as in "
+                                "+y,-x,+z, not ('+x', '+y', '+y')"),
+])
+def test_errors_are_one_line(change, message):
+    with pytest.raises(ConfigError) as error:
+        FLIGHT.replace(**change)
+    assert str(error.value) == message
+
+
+def test_ports_are_those_of_ins_top_and_more():
+    thesis, flight = (set(core.signature.members) for core in (attitude_core("INS_top", THESIS), flight_core(FLIGHT)))
+    assert flight == thesis | MORE_OUTPUTS
+
+
+def test_ports_by_configuration():
+    ports = set(ins_flight(FLIGHT).input_ports)
+    assert set(ins_flight(FLIGHT_6AXIS).input_ports) == ports - names("in_mag{}", "x y z")
+    more = FLIGHT.replace(period_input="true", mag_valid_input="true", inputs="ramp_time,gyro_range")
+    assert set(ins_flight(more).input_ports) - ports == {"in_period", "in_mag_valid", "in_ramp_time", "in_gyro_range"}
+
+
+def test_status_bits():
+    assert flight_core(FLIGHT).engine.status_names == (
+        "accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
+        "range_exceeded", "refused", "ignored")
+
+
+def test_an_update_takes_at_most_450_cycles():
+    assert flight_core(FLIGHT).latency <= 450
+
+
+def strange_inputs(ports, count):
+    """Samples of a body at rest, in motion, and of all that can go wrong."""
+    rng = np.random.default_rng(SEED)
+    values = {port: rng.standard_normal(count) * 10 ** rng.uniform(-2, 3, count) for port in ports}
+    still = np.arange(count) % 2000 < 1200
+    for port, level in (("in_accz", 9.8), ("in_magx", 20.0), ("in_magz", -40.0), ("in_gyroy", 0.5)):
+        values[port] = np.where(still, level, values[port])
+    for port in ports:
+        if port[-1] in "xyz" and port not in ("in_accz", "in_magx", "in_magz", "in_gyroy"):
+            values[port] = np.where(still, 0.01 * rng.standard_normal(count), values[port])
+    values |= {port: np.abs(values[port]) for port in ports if port[-1] not in "xyz"}
+    values["in_accz"] = np.where(rng.random(count) < 0.01, 200.0, values["in_accz"])
+    values["in_period"] = np.where(still, 0.01, rng.choice([0.002, 0.0, -1.0, 5.0, 1e-30], count))
+    values["in_mag_valid"] = rng.integers(0, 2, count).astype(float)
+    strange = np.array([np.nan, np.inf, -np.inf, 3e38, -1e30, 1e-30, 1e-40, 0.0, -0.0])
+    for port in ports:
+        values[port] = np.where(rng.random(count) < 0.003, rng.choice(strange, count), values[port])
+    gone = rng.random(count) < 0.01
+    for axis in "xyz":
+        values[f"in_acc{axis}"][gone] = 0.0
+    return values
+
+
+@pytest.mark.verilator
+def test_circuit_is_the_twin_in_every_bit(models, tmp_path):
+    config = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
+    core = flight_core(config)
+    model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
+    inputs = strange_inputs(core.system.input_ports, UPDATES)
+    result = model.update(inputs)
+    assert set(result["cycles"]) == {core.latency}
+    assert model.differing_bits(inputs, result) == 0
+    for bit, name in enumerate(core.engine.status_names[:-1]):
+        assert 0 < (result["out_status"] >> bit & 1).sum() < UPDATES, name
+    assert all(np.isfinite(result[name]).all() for name in (*core.system.output_ports, *core.system.reset))
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize(("recording", "config", "total", "inclination"), [
+    ("broad_28_disturbed_stationary_magnet_A", FLIGHT, 3, 1.5),
+    ("ins_quad_vertical_17", FLIGHT_6AXIS, None, 4.5),
+])
+def test_recordings(shared_recordings, models, tmp_path, recording, config, total, inclination):
+    """Requirements: at most 0.01° from the float64 reference, 3° from the truth; flight 17 within 4.5°."""
+    data = read_recording(shared_recordings / f"{recording}.npz")
+    summary = replay(data, config, tmp_path, build=models, command="").summary
+    assert summary["bits_differing_from_twin"] == 0
+    assert summary["refused_updates"] == 0
+    assert summary["against_float64_reference_deg"]["max"] <= 0.01
+    errors = summary["against_recorded_reference_deg"]
+    assert errors["inclination_rms"] <= inclination
+    assert total is None or errors["total_rms"] <= total
