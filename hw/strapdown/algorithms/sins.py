@@ -1,0 +1,250 @@
+"""Strapdown inertial navigation in a wander-azimuth platform frame (source 002).
+
+Frames: b body (x right, y forward, z up), p platform (level, z up), e earth. ``t`` is C_b^p and
+``c`` is C_e^p, both as rows; ``q`` is the quaternion of t, body to platform, scalar first. Rates
+in rad/s, specific force in m/s², means over the sample period; ``v`` is the velocity in p, m/s,
+``h`` the height above the ellipsoid, m. Angles come out in degrees.
+
+Every integral is of second order in the period: what is needed in the middle of the interval is
+extrapolated from the interval before (``half``: half of its change of velocity).
+"""
+
+from typing import NamedTuple
+
+from .attitude import DEGREES, Update
+from .quaternion import polynomial, rate_product
+from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, matrix_vector, scale
+
+__all__ = ["Earth", "SOURCE_EARTH", "WGS84", "alignment_quaternion", "attitude_quaternion", "earth_and_transport_rate",
+           "matrix_of_quaternion", "navigation_angles", "north_east_velocity", "position_matrix", "sins_update",
+           "start_position", "velocity_half_change", "vertical_loop"]
+
+
+class Earth(NamedTuple):
+    """Ellipsoid, rotation and gravity, g = gravity + gravity_latitude·sin²L − gravity_height·h (m, rad, s)."""
+
+    radius: float
+    flattening: float
+    rate: float
+    gravity: float
+    gravity_latitude: float
+    gravity_height: float
+
+    @property
+    def eccentricity_squared(self):
+        """First eccentricity, squared."""
+        return self.flattening * (2 - self.flattening)
+
+
+SOURCE_EARTH = Earth(6_378_140.0, 1 / 298.257, 7.2921e-5, 9.7803, 0.051799, 3.086e-6)
+"""Source 002; height term as in source 000, eq. 2.7, which prints a tenth of it."""
+
+WGS84 = Earth(6_378_137.0, 1 / 298.257223563, 7.292115e-5, 9.7803253, 0.0518017, 3.086e-6)
+"""WGS 84; gravity fitted to its formula at equator and pole."""
+
+
+def earth_and_transport_rate(xp, c, v, h, earth):
+    """ω_ie^p = Ω·(C13, C23, C33), and ω_ep^p from the curvature of the ellipsoid: eq. 6 and 7.
+
+    K·v = k·v + δ·n·(n·v) for n = (C13, C23): k = 1/(R_N + h) is the curvature eastwards, and
+    δ = (1/(R_M + h) − k)/cos²L = e'²·k for h = 0. Then ω_ep^p = (−(K·v)_y, (K·v)_x, 0). In the source
+    (garbled there) K = (1 − e·C33² + 2e·n·nᵀ)/Re: this, to first order in e. Here the terms in e²
+    and h are kept; what is left out is 3e-8 of k for the ellipsoid and (h/Re)³.
+
+    Returns (spin, transport), transport without its z component, which is zero.
+    """
+    e2 = earth.eccentricity_squared
+    n, sine_squared = (c[0][2], c[1][2]), c[2][2] * c[2][2]
+    flat = polynomial([1 / earth.radius, -e2 / 2 / earth.radius, -e2**2 / 8 / earth.radius], sine_squared)
+    rise = flat * h
+    lift = 1 - rise * (1 - rise)
+    k = flat * lift
+    along = e2 / (1 - e2) * (k * lift) * dot(n, v[:2])
+    x, y = k * v[0] + along * n[0], k * v[1] + along * n[1]
+    return scale(earth.rate, column(c, 2)), (-y, x)
+
+
+def attitude_quaternion(xp, q, omega, before, turn, step, a0, d0):
+    """q := (1, −T/2·ω_ip^p)⊗q⊗(a, d·ω), not normalised: eq. 1 and 3, both turns in their own frames.
+
+    To ω = ω_ib^b comes Bortz' coning term T/12·(before × ω), ``before`` being the sample before;
+    a and d are the polynomials of source 001. ``turn`` is ω_ip^p. Returns (q, |ω|²).
+    """
+    omega = add(omega, scale(step * (1 / 12), cross(before, omega)))
+    square = dot(omega, omega)
+    u = step * step * square
+    q = add(scale(polynomial(a0, u), q), scale(step * polynomial(d0, u), rate_product(q, omega)))
+    (q0, q1, q2, q3), (x, y, z) = q, scale(-0.5 * step, turn)
+    return ((q0 - x * q1) - (y * q2 + z * q3),
+            (q1 + x * q0) + (y * q3 - z * q2),
+            (q2 + y * q0) + (z * q1 - x * q3),
+            (q3 + z * q0) + (x * q2 - y * q1)), square
+
+
+def matrix_of_quaternion(xp, q):
+    """T = C_b^p as rows: eq. 4."""
+    _, q1, q2, q3 = q
+    d0, d1, d2, d3 = add(q, q)
+    return ((1 - (d2 * q2 + d3 * q3), d1 * q2 - d0 * q3, d1 * q3 + d0 * q2),
+            (d1 * q2 + d0 * q3, 1 - (d1 * q1 + d3 * q3), d2 * q3 - d0 * q1),
+            (d1 * q3 - d0 * q2, d2 * q3 + d0 * q1, 1 - (d1 * q1 + d2 * q2)))
+
+
+def velocity_half_change(xp, old, new, f, spin, turn, middle, down, step):
+    """Half of V's change, T/2·(f^p − (2ω_ie^p + ω_ep^p) × V − (0, 0, down)): eq. 11.
+
+    f^p is f resolved in the mean of T at both ends; ``middle`` is V in the middle, ``turn`` is
+    ω_ie^p + ω_ep^p, ``down`` gravity and whatever else pulls.
+    """
+    force = matrix_vector([add(*rows) for rows in zip(old, new, strict=True)], scale(0.25 * step, f))
+    x, y, z = cross(add(spin, turn), middle)
+    pull = scale(0.5 * step, (x, y, z + down))
+    return tuple(a - b for a, b in zip(force, pull, strict=True))
+
+
+def vertical_loop(xp, error, bias, step, damping, earth):
+    """Third-order loop on error = h − altitude, three equal time constants of ``damping`` seconds.
+
+    ḣ = V_z − 3λ·error, V̇_z = … − (3λ² + 2g/Re)·error − bias, bias' = λ³·error, λ = 1/damping.
+    Returns (correction of ḣ, extra pull downwards, bias).
+    """
+    rate = 1 / damping
+    spring = 3 * rate**2 + 2 * earth.gravity / earth.radius
+    return -3 * rate * error, spring * error + bias, bias + rate**3 * step * error
+
+
+def position_matrix(xp, c, transport, step):
+    """C := C − θ × (C − θ × C/2), θ = T·ω_ep^p, column by column: eq. 8 to second order."""
+    x, y = scale(step, transport)
+
+    def turned(a):
+        return y * a[2], -(x * a[2]), x * a[1] - y * a[0]
+
+    columns = []
+    for index in range(3):
+        a = column(c, index)
+        middle = tuple(p - 0.5 * q for p, q in zip(a, turned(a), strict=True))
+        columns.append(tuple(p - q for p, q in zip(a, turned(middle), strict=True)))
+    return tuple(zip(*columns, strict=True))
+
+
+def start_position(xp, sin_latitude, cos_latitude, sin_longitude, cos_longitude):
+    """C_e^p of a position with the platform along east, north and up: wander angle zero."""
+    return ((-sin_longitude, cos_longitude, 0.0),
+            (-sin_latitude * cos_longitude, -sin_latitude * sin_longitude, cos_latitude),
+            (cos_latitude * cos_longitude, cos_latitude * sin_longitude, sin_latitude))
+
+
+def alignment_quaternion(xp, f, omega):
+    """Quaternion body to (east, north, up) at rest, any length, from sums of specific force and rate.
+
+    Up is along f, east along ω × up. Of the four columns of 4·q·qᵀ the one with the largest
+    diagonal is taken (Shepperd, 1978), which is never short.
+    """
+    square, _ = length_squared(f)
+    up = scale(1 / xp.sqrt(square), f)
+    east = cross(omega, up)
+    square, _ = length_squared(east)
+    east = scale(1 / xp.sqrt(square), east)
+    (t11, t12, t13), (t21, t22, t23), (t31, t32, t33) = east, cross(up, east), up
+    q01, q02, q03, q12, q13, q23 = t32 - t23, t13 - t31, t21 - t12, t12 + t21, t13 + t31, t23 + t32
+    total, difference = t22 + t33, t22 - t33
+    near, far = 1 + t11, 1 - t11
+
+    def chosen(condition, a, b):
+        return tuple(xp.select(condition, p, q) for p, q in zip(a, b, strict=True))
+
+    first = chosen(total < 0.0, (q01, near - total, q12, q13), (near + total, q01, q02, q03))
+    second = chosen(difference < 0.0, (q03, q13, q23, far - difference), (q02, q12, far + difference, q23))
+    larger = xp.maximum(near + total, near - total) < xp.maximum(far + difference, far - difference)
+    return chosen(larger, second, first)
+
+
+def north_east_velocity(xp, c, v, cosine):
+    """Velocity east and north from V and the wander angle, cosine = cos L: north is (C13, C23)/cos L in p."""
+    n = (c[0][2], c[1][2])
+    inverse = 1 / xp.maximum(cosine, SMALLEST_COSINE)
+    return inverse * (v[0] * n[1] - v[1] * n[0]), inverse * dot(v[:2], n)
+
+
+SMALLEST_COSINE = 2.0**-30
+"""Less than a centimetre from the pole there is no east."""
+
+
+def navigation_angles(xp, t, c):
+    """Pitch, roll, true heading, latitude, longitude and wander angle in degrees: eq. 5 and 9.
+
+    Heading is clockwise from true north in [0, 360): minus the source's grid heading
+    atan2(−T12, T22) less the wander angle atan2(C13, C23), both anticlockwise, taken in one
+    arctangent. Returns (pitch, roll, heading), (latitude, longitude, wander), cos L.
+    """
+    n = (c[0][2], c[1][2])
+    forward, cosine = (t[0][1], t[1][1]), xp.sqrt(dot(c[2][:2], c[2][:2]))
+    pitch = xp.atan2(t[2][1], xp.sqrt(t[2][0] * t[2][0] + t[2][2] * t[2][2]))
+    roll = xp.atan2(-t[2][0], t[2][2])
+    heading = DEGREES * xp.atan2(forward[0] * n[1] - forward[1] * n[0], dot(forward, n))
+    # As of the attitude cores' yaw: what plus 360 would round to 360 is zero.
+    heading = xp.select(heading + 2.0**-15 < 0.0, heading + 360, xp.maximum(heading, 0.0))
+    latitude, longitude = xp.atan2(c[2][2], cosine), xp.atan2(c[2][1], c[2][0])
+    wander = xp.atan2(n[0], n[1])
+    return ((DEGREES * pitch, DEGREES * roll, heading), scale(DEGREES, (latitude, longitude, wander)), cosine)
+
+
+def sins_update(xp, omega, f, load, align, place, start_v, start_h, start_q, q, t, c, v, half, h, before, force, left,
+                altitude=None, bias=None, *, earth, period, samples, damping, a0, d0, rate_max, force_max):
+    """One update of SINS_top.
+
+    ``left`` says what the core does: −1 navigates, from 1 on it aligns and so many samples are
+    left, 0 waits for a start. ``load`` above 1/2 takes the start values with this sample; then
+    ``align`` above 1/2 begins an alignment of ``samples`` samples, this one the first, else the
+    start quaternion is the attitude. While it does not navigate the step is zero, so that the
+    same equations leave velocity and position as they are.
+    """
+    with xp.section("MODE"):
+        loads, after = load > 0.5, left - 1
+        step = xp.select(loads, 0.0, xp.select(left < 0.0, period, 0.0))
+        goes_on = xp.select(loads, -1.0, after - 0.5)
+        total_rate, total_force = add(before, omega), add(force, f)
+        finishes = (left - 0.5) * (left - 1.5)
+        next_left = xp.select(finishes < 0.0, -1.0, xp.select(goes_on < 0.0, left, after))
+        next_left = xp.select(loads, xp.select(align > 0.5, samples - 1.0, -1.0), next_left)
+        next_before = tuple(xp.select(goes_on < 0.0, a, b) for a, b in zip(omega, total_rate, strict=True))
+        next_force = tuple(xp.select(goes_on < 0.0, a, b) for a, b in zip(f, total_force, strict=True))
+    with xp.section("ALIGN"):
+        aligned = alignment_quaternion(xp, total_force, total_rate)
+    with xp.section("RATES"):
+        middle = add(v, half)
+        spin, transport = earth_and_transport_rate(xp, c, middle, h, earth)
+        turn = (spin[0] + transport[0], spin[1] + transport[1], spin[2])
+    with xp.section("ATTITUDE"):
+        moved, rate_square = attitude_quaternion(xp, q, omega, before, turn, step, a0, d0)
+        q = tuple(xp.select(finishes < 0.0, a, b) for a, b in zip(aligned, moved, strict=True))
+        q = tuple(xp.select(loads, a, b) for a, b in zip(start_q, q, strict=True))
+        # Before an alignment the start quaternion may be zero, and then stays so.
+        q = scale(1 / xp.sqrt(dot(q, q) + SHORTEST_SQUARE), q)
+        old, t = t, matrix_of_quaternion(xp, q)
+    with xp.section("VELOCITY"):
+        down = (earth.gravity + earth.gravity_latitude * (c[2][2] * c[2][2])) - earth.gravity_height * h
+        climb = v[2]
+        if damping:
+            correction, pull, bias = vertical_loop(xp, h - altitude, bias, step, damping, earth)
+            climb, down = climb + correction, down + pull
+            bias = xp.select(loads, 0.0, bias)
+        half = velocity_half_change(xp, old, t, f, spin, turn, middle, down, step)
+        h = xp.select(loads, start_h, h + step * (climb + half[2]))
+        v = tuple(xp.select(loads, a, b + (d + d)) for a, b, d in zip(start_v, v, half, strict=True))
+    with xp.section("POSITION"):
+        start_c, c = start_position(xp, *place), position_matrix(xp, c, transport, step)
+        c = tuple(tuple(xp.select(loads, a, b) for a, b in zip(*rows, strict=True))
+                  for rows in zip(start_c, c, strict=True))
+    with xp.section("OUTPUT"):
+        attitude, position, cosine = navigation_angles(xp, t, c)
+        east, north = north_east_velocity(xp, c, v, cosine)
+        excess = xp.maximum(rate_square - rate_max**2, dot(f, f) - force_max**2)
+    state = {"q": q, "t": t, "c": c, "v": v, "half": half, "h": h, "before": next_before, "force": next_force,
+             "left": next_left}
+    return Update(
+        outputs={"attitude": attitude, "velocity": (east, north, v[2]), "position": position[:2], "height": h,
+                 "wander": position[2]},
+        state=state | ({"bias": bias} if damping else {}),
+        status={"aligning": next_left > 0.5, "navigating": next_left < 0.0, "out_of_range": excess > 0.0})

@@ -1,0 +1,238 @@
+"""Coefficients of the quaternion's state transition: polynomials in place of cosine and sine.
+
+A turn by x = |omega|·T multiplies the quaternion by a = cos(x/2) and d·omega with
+d = T·sin(x/2)/x. Both are even in x, so that polynomials in u = x² can stand for them:
+a = Σ a0_i·uⁱ and d = T·Σ d0_i·uⁱ, i = 0 … j (source 001). Errors soon fall below what float64
+can tell from zero; everything here is therefore computed with 60 decimal digits.
+"""
+
+import operator
+from dataclasses import dataclass, replace
+from decimal import Decimal, localcontext
+from functools import wraps
+from math import factorial
+
+import numpy as np
+
+__all__ = ["METHODS", "TransitionCoefficients", "least_squares", "minimax", "smallest_order"]
+
+DIGITS = 60
+LARGEST_ANGLE = 3.0
+"""Largest turn in one update, rad: at pi the sign of the sample's axis would be ambiguous."""
+HIGHEST_ORDER = 8
+
+
+@dataclass(frozen=True)
+class TransitionCoefficients:
+    """The two coefficient vectors, and how far they are from the exact rotation.
+
+    Attributes
+    ----------
+    a0, d0 : tuple of float
+        Coefficients of u⁰ … uʲ: a = Σ a0_i·uⁱ, d = T·Σ d0_i·uⁱ, u = (|omega|·T)².
+    largest_angle : float
+        The range they were designed for: |omega|·T from 0 to this, rad.
+    method : str
+        "least-squares" or "minimax".
+    """
+
+    a0: tuple[float, ...]
+    d0: tuple[float, ...]
+    largest_angle: float
+    method: str
+
+    @property
+    def order(self):
+        """The order j."""
+        return len(self.a0) - 1
+
+    def rounded(self, dtype):
+        """The same, each coefficient rounded to a NumPy type: what a circuit of that format starts from."""
+        return replace(self, a0=tuple(map(float, np.array(self.a0, dtype))),
+                       d0=tuple(map(float, np.array(self.d0, dtype))))
+
+    def errors(self, angles):
+        """Errors of one update that turns by ``angles`` (rad, any shape).
+
+        Returns
+        -------
+        angle, norm : ndarray of float64
+            Angle turned too far, rad; relative growth of the quaternion's norm. The
+            coefficients count as the float64 numbers that they are; arithmetic is exact.
+        """
+        pairs = [self._errors(Decimal(float(x))) for x in np.ravel(angles)]
+        angle, norm = (np.array(column, dtype=float).reshape(np.shape(angles)) for column in zip(*pairs, strict=True))
+        return angle, norm
+
+    def worst(self, points=257):
+        """Largest magnitudes of ``errors`` over the range: (angle in rad, norm)."""
+        angle, norm = self.errors(np.linspace(0, self.largest_angle, points))
+        return float(np.abs(angle).max()), float(np.abs(norm).max())
+
+    def _errors(self, x):
+        with localcontext(prec=DIGITS):
+            u = x * x
+            cosine, sine = _cosine(u), x * _sine_over_angle(u)
+            a, s = _evaluate(self.a0, u), x * _evaluate(self.d0, u)
+            # (a, s) turned back by the exact half angle: what is left is the error, and small.
+            along, across = a * cosine + s * sine, s * cosine - a * sine
+            ratio = across / along
+            # Half the angle is the arctangent of this ratio, which is its own first term.
+            return 2 * (ratio - ratio**3 / 3), (along * along + across * across).sqrt() - 1
+
+
+def _checked(design):
+    """Check order and range before a design function runs."""
+    @wraps(design)
+    def checked(order, largest_angle):
+        order = operator.index(order)
+        if not 2 <= order <= HIGHEST_ORDER:
+            raise ValueError(f"order must be from 2 to {HIGHEST_ORDER}, not {order!r}")
+        if not 0 < largest_angle <= LARGEST_ANGLE:
+            raise ValueError(f"largest angle of one update must be above 0 and at most {LARGEST_ANGLE:g} rad, "
+                             f"not {largest_angle:g} rad: sample faster")
+        with localcontext(prec=DIGITS):
+            a0, d0 = design(order, Decimal(float(largest_angle)))
+        return TransitionCoefficients(tuple(map(float, a0)), tuple(map(float, d0)), float(largest_angle),
+                                      design.__name__.replace("_", "-"))
+    return checked
+
+
+@_checked
+def least_squares(order, largest_angle):
+    """The patent's coefficients for an order j >= 2 and the range 0 … ``largest_angle`` (rad) of x.
+
+    They minimise J1 = Σ_{i=0…j} [cos(iH/2) − a0·h_i]² and J2 = Σ_{i=1…j+1} [sin(iH/2) − d0·h_i·iH]²,
+    h_i = (1, (iH)², (iH)⁴, …). With as many nodes as coefficients both minima are zero: the
+    polynomials that pass through all nodes. H is chosen for each sum so that its last node is the
+    end of the range; one H for both would leave a third of J1's range without a node at j = 2.
+
+    Raises: ValueError for an order or a range that cannot be.
+    """
+    first = [(largest_angle * i / order) ** 2 for i in range(order + 1)]
+    second = [(largest_angle * i / (order + 1)) ** 2 for i in range(1, order + 2)]
+    return (_interpolate(first, [_cosine(u) for u in first]),
+            _interpolate(second, [_sine_over_angle(u) for u in second]))
+
+
+@_checked
+def minimax(order, largest_angle):
+    """Coefficients with the least largest error: max |a − cos(x/2)| and max |d·x/T − sin(x/2)|.
+
+    Parameters, result and errors as of ``least_squares``. By Remez' exchange, in u.
+    """
+    last = largest_angle * largest_angle
+    return (_remez(_cosine, lambda u: Decimal(1), order, last),
+            _remez(_sine_over_angle, lambda u: u.sqrt(), order, last))
+
+
+METHODS = {"least-squares": least_squares, "minimax": minimax}
+"""Design functions by name."""
+
+
+def smallest_order(method, largest_angle, *, wanted):
+    """The coefficients of least order whose worst angle error in one update is at most ``wanted`` rad.
+
+    ``method`` is a key of ``METHODS``. Raises: ValueError if the highest order does not reach it.
+    """
+    for order in range(2, HIGHEST_ORDER + 1):
+        coefficients = METHODS[method](order, largest_angle)
+        if coefficients.worst()[0] <= wanted:
+            return coefficients
+    raise ValueError(f"no order up to {HIGHEST_ORDER} has an error of {wanted:.3g} rad an update or less: "
+                     f"sample faster, or accept {coefficients.worst()[0]:.3g} rad")
+
+
+# Decimal arithmetic, in the caller's context.
+
+def _series(u, odd):
+    """Σ (−u/4)ⁿ/(2n + odd)!."""
+    total, term, n = Decimal(0), Decimal(1), 0
+    while abs(term) > Decimal(10) ** -DIGITS:
+        total += term
+        n += 1
+        term = (-u / 4) ** n / factorial(2 * n + odd)
+    return total
+
+
+def _cosine(u):
+    """cos(x/2) of u = x²."""
+    return _series(u, 0)
+
+
+def _sine_over_angle(u):
+    """sin(x/2)/x of u = x²."""
+    return _series(u, 1) / 2
+
+
+def _evaluate(coefficients, u):
+    total = Decimal(0)
+    for coefficient in reversed(coefficients):
+        total = total * u + Decimal(coefficient)
+    return total
+
+
+def _interpolate(nodes, values):
+    """Coefficients of the polynomial through (node, value), lowest power first: Newton's divided differences."""
+    values = list(values)
+    for level in range(1, len(nodes)):
+        for i in range(len(nodes) - 1, level - 1, -1):
+            values[i] = (values[i] - values[i - 1]) / (nodes[i] - nodes[i - level])
+    result = [Decimal(0)] * len(nodes)
+    for node, value in zip(reversed(nodes), reversed(values), strict=True):
+        shifted = [Decimal(0), *result[:-1]]
+        result = [up - node * same for up, same in zip(shifted, result, strict=True)]
+        result[0] += value
+    return result
+
+
+def _remez(function, weight, order, last):
+    """Minimax polynomial of ``function`` on [0, last] for an error times ``weight``.
+
+    On order + 2 nodes the error alternates in sign with one magnitude; nodes then move to the
+    extremes of the error. Its largest value is found on a grid, whose spacing costs a relative
+    1e-4 of the error at most, second order in the distance from the extreme.
+    """
+    grid = [last * (1 - Decimal(float(np.cos(np.pi * k / GRID)))) / 2 for k in range(GRID + 1)]
+    exact = [function(u) for u in grid]
+    weights = [weight(u) for u in grid]
+    # The extremes of a Chebyshev polynomial; those of a weighted error are near, and none where the weight is zero.
+    nodes = [1 + round((GRID - 1) * k / (order + 1)) for k in range(order + 2)]
+    for _ in range(ROUNDS):
+        barycentric = [1 / _product(grid[k] - grid[m] for m in nodes if m != k) for k in nodes]
+        level = (sum(b * exact[k] for b, k in zip(barycentric, nodes, strict=True))
+                 / sum(b * (-1) ** i / weights[k] for i, (b, k) in enumerate(zip(barycentric, nodes, strict=True))))
+        polynomial = _interpolate([grid[k] for k in nodes[:-1]],
+                                  [exact[k] - (-1) ** i * level / weights[k] for i, k in enumerate(nodes[:-1])])
+        error = [(_evaluate(polynomial, u) - f) * w for u, f, w in zip(grid, exact, weights, strict=True)]
+        extremes = _alternation(error, order + 2)
+        if extremes == nodes:
+            return polynomial
+        nodes = extremes
+    raise ArithmeticError("Remez' exchange did not settle")
+
+
+GRID = 400
+ROUNDS = 30
+
+
+def _alternation(error, count):
+    """Indices of the largest error in each run of one sign, ``count`` runs."""
+    runs: list[int] = []
+    for k, value in enumerate(error):
+        if value and (not runs or (value > 0) != (error[runs[-1]] > 0)):
+            runs.append(k)
+        elif value and abs(value) > abs(error[runs[-1]]):
+            runs[-1] = k
+    while len(runs) > count:
+        runs.pop(0 if abs(error[runs[0]]) < abs(error[runs[-1]]) else -1)
+    if len(runs) < count:
+        raise ArithmeticError("Remez' exchange lost an extreme")
+    return runs
+
+
+def _product(factors):
+    result = Decimal(1)
+    for factor in factors:
+        result *= factor
+    return result

@@ -1,0 +1,127 @@
+"""Quaternion straight from rates, in float64 and as the circuit computes it, against exact rotations."""
+
+import numpy as np
+import pytest
+from strapdown_sim.reference import quaternion as exact
+
+from strapdown.algorithms import quaternion
+from strapdown.cores.quaternion import QUATERNION_CONFIGS, QUATERNION_J3, quat_direct
+from strapdown.kernel.numeric import Float64
+
+RNG = np.random.default_rng(7)
+
+
+def samples(count, rate_max_deg_s):
+    """Unit quaternions (4, count) and rates (3, count) up to the largest, rad/s."""
+    e = RNG.standard_normal((4, count))
+    omega = RNG.standard_normal((3, count))
+    length = np.radians(rate_max_deg_s) * RNG.random(count)
+    return e / np.linalg.norm(e, axis=0), omega * length / np.linalg.norm(omega, axis=0)
+
+
+@pytest.mark.parametrize("config", QUATERNION_CONFIGS.values(), ids=QUATERNION_CONFIGS)
+@pytest.mark.parametrize("method", ["least-squares", "minimax"])
+def test_an_update_is_the_exact_rotation_within_the_designed_error(config, method):
+    # 1.7 rad in an update: far from what anything does, so that the error is far above float64's.
+    config = config.model_copy(update={"method": method, "rate_max_deg_s": 100_000, "update_rate_hz": 1000})
+    e, omega = samples(2000, config.rate_max_deg_s)
+    c = config.coefficients
+    q = np.stack(quaternion.quaternion_step(Float64, tuple(e), tuple(omega), a0=c.a0, d0=c.d0, period=config.period_s))
+    truth = exact.product(e.T, exact.increment(omega.T, config.period_s))
+    angle, norm = c.worst()
+    error = exact.angle_between(q.T, truth)
+    # `worst` looks at 257 points: between two of them an extreme is higher by 1e-3 of itself at most.
+    assert error.max() <= angle * (1 + 1e-3) + 1e-14
+    assert error.max() > 0.5 * angle
+    assert np.abs(np.linalg.norm(q, axis=0) - 1).max() <= norm * (1 + 1e-3) + 1e-14
+
+
+def test_the_matrix_is_the_patents():
+    p, q, r, a, d = RNG.standard_normal(5)
+    e = RNG.standard_normal(4)
+    p_, q_, r_ = d * p, d * q, d * r
+    phi = np.array([[a, -p_, -q_, -r_], [p_, a, r_, -q_], [q_, -r_, a, p_], [r_, q_, -p_, a]])
+    np.testing.assert_allclose(quaternion.transition(Float64, a, d, (p, q, r), tuple(e)), phi @ e, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+def test_polynomial(order):
+    coefficients, u = RNG.standard_normal(order + 1), RNG.random(100)
+    np.testing.assert_allclose(quaternion.polynomial(list(coefficients), u),
+                               np.polynomial.polynomial.polyval(u, coefficients), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("config", QUATERNION_CONFIGS.values(), ids=QUATERNION_CONFIGS)
+def test_the_twin_is_near_the_exact_rotation(config):
+    e, omega = (config.pool.format.array(x) for x in samples(5000, config.rate_max_deg_s))
+    system = quat_direct(config)
+    inputs = dict(zip(("in_p", "in_q", "in_r"), omega, strict=True)) | dict.fromkeys(
+        ("in_load_en", "in_e0", "in_e1", "in_e2", "in_e3"), np.zeros(5000))
+    twin = system.update_twin(config.pool, inputs, dict(zip(("e0", "e1", "e2", "e3"), e, strict=True)))
+    q = np.stack([twin[f"out_e{k}"].astype(float) for k in range(4)])
+    truth = exact.product(e.T.astype(float), exact.increment(omega.T.astype(float), config.period_s))
+    # Each component is a·e + d·w: two products and their sum of at most 1, a and d each rounded once or twice;
+    # d·w is below half the largest angle, 0.035. Three halves of 2**-24 from a·e and the sum, the rest below one more.
+    assert np.abs(q - truth.T).max() <= 2.5 * 2.0**-24
+
+
+def test_renormalisation_brings_the_norm_back():
+    e = tuple(1.01 * np.array([0.5, 0.5, -0.5, 0.5]))
+    for expected in (1.5 * 0.01**2, 1.5 * (1.5 * 0.01**2) ** 2):
+        # One Newton step: 1 + x becomes 1 − 3/2·x² − x³/2.
+        e = tuple(quaternion.renormalisation(Float64, e) * x for x in e)
+        assert 1 - np.linalg.norm(e) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_renormalised_every_so_many_updates(every):
+    config = QUATERNION_J3.model_copy(update={"renormalise_every": every})
+    system = quat_direct(config)
+    state = dict(system.reset) | {"e0": 1.01}
+    zero = dict.fromkeys(system.input_ports, 0.0)
+    norms = [1.01]
+    for _ in range(4 * every):
+        result = system.update_float64(zero, state)
+        state = {word: float(result[word]) for word in state}
+        norms.append(np.linalg.norm([state[f"e{k}"] for k in range(4)]))
+    changed = np.flatnonzero(np.abs(np.diff(norms)) > 1e-12) + 1
+    # At rest the quaternion stays as it is but for renormalisations; the fourth no longer shows.
+    np.testing.assert_array_equal(changed, [every, 2 * every, 3 * every])
+
+
+def test_a_load_takes_the_start_value():
+    system = quat_direct(QUATERNION_J3)
+    start = {f"in_e{k}": value for k, value in enumerate((0.1, 0.7, -0.1, 0.7))}
+    inputs = start | {"in_p": 1.0, "in_q": 2.0, "in_r": 3.0}
+    result = system.update_float64(inputs | {"in_load_en": 1.0}, system.reset)
+    assert [result[f"out_e{k}"] for k in range(4)] == list(start.values())
+    result = system.update_float64(inputs | {"in_load_en": 0.0}, system.reset)
+    assert result["out_e1"] == pytest.approx(0.001, rel=1e-3)
+
+
+@pytest.mark.parametrize("coning", [False, True])
+def test_classical_coning(coning):
+    # Half angle 1 degree at 10 Hz, updates at 100 Hz from two rates each: Ω·T = 0.63.
+    beta, frequency, period, count = np.radians(1.0), 2 * np.pi * 10, 0.01, 2000
+    motion = {"half_angle": beta, "frequency": frequency}
+    begins = np.arange(count) * period
+    rates = [exact.coning_mean_rate(begins + k * period / 2, begins + (k + 1) * period / 2, **motion) for k in (0, 1)]
+    config = QUATERNION_J3.model_copy(update={"update_rate_hz": 1 / period, "coning": coning, "order": 5})
+    system = quat_direct(config)
+    zero = dict.fromkeys(system.input_ports, 0.0)
+    q = exact.coning_attitude(np.arange(count + 1) * period, **motion)
+    ports = ("in_p", "in_q", "in_r")
+    inputs = zero | (dict(zip((*ports, "in_p2", "in_q2", "in_r2"), np.hstack(rates).T, strict=True)) if coning
+                     else dict(zip(ports, (rates[0] + rates[1]).T / 2, strict=True)))
+    updated = system.update_float64(inputs, {f"e{k}": q[:-1, k] for k in range(4)})
+    left = exact.product(q[1:] * [1, -1, -1, -1], np.stack([updated[f"out_e{k}"] for k in range(4)], -1))
+    error = 2 * left[:, 3].mean()
+    # Per update, small β: the coning term is β²/2·(ΩT − sin ΩT); with h = ΩT/2 the corrected one leaves
+    # β²·((2h − sin 2h)/2 − 8/3·sin²(h/2)·sin h) (Miller 1983 gives its first term, β²(ΩT)⁵/960).
+    h = frequency * period / 2
+    missing = beta**2 / 2 * (2 * h - np.sin(2 * h))
+    if coning:
+        missing -= beta**2 * 8 / 3 * np.sin(h / 2) ** 2 * np.sin(h)
+        assert missing == pytest.approx(beta**2 * (2 * h) ** 5 / 960, rel=0.05)
+    # Terms in β⁴ are left out: relative to β²·(ΩT)³, a few β².
+    assert abs(error) == pytest.approx(missing, rel=0.01)
