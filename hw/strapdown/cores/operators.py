@@ -192,7 +192,7 @@ def _pipeline(make, **parameters):
 def _recurrence(make):
     """A maker of a digit recurrence with as few bits a cycle as the latency allows."""
     def fitting(latency):
-        for bits_per_cycle in range(1, FLUSHED32.precision + 1):
+        for bits_per_cycle in range(1, FLUSHED32.precision + 2):
             recurrence = make(FLUSHED32, bits_per_cycle=bits_per_cycle)
             if recurrence.latency <= latency:
                 return recurrence

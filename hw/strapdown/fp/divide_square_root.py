@@ -27,7 +27,8 @@ class DigitRecurrence(wiring.Component):
 
     from R = X/2 on, where T = B and U = 0 in division, and T = 2Q + 2**-k and U = 2**(1-k) in
     square root, Q being the bits so far. A negative R is a subtraction not undone: U makes up
-    for what T has changed since. ``divisor`` holds B or 2Q, ``place`` 0 or 2**-k.
+    for what T has changed since. ``divisor`` holds B, or 2Q without the latest bit, which is seen
+    by the sign of R and so need not be written in the cycle that finds it; ``place`` holds 0 or 2**-k.
 
     Source: Ercegovac and Lang, Digital Arithmetic, 2004, chapters 5 and 6; for the square root
     Li and Chu, A new non-restoring square root algorithm, ICCD 1996.
@@ -41,8 +42,8 @@ class DigitRecurrence(wiring.Component):
         self._rounding = Rounding(rounding)
         self._flags = bool(flags)
         self._bits_per_cycle = operator.index(bits_per_cycle)
-        if not 1 <= self._bits_per_cycle <= format.precision:
-            raise ValueError(f"bits_per_cycle must be from 1 to {format.precision}, not {bits_per_cycle!r}")
+        if not 1 <= self._bits_per_cycle <= self._least_bits:
+            raise ValueError(f"bits_per_cycle must be from 1 to {self._least_bits}, not {bits_per_cycle!r}")
         self._iterative = bool(iterative)
         super().__init__({**{name: In(shape) for name, shape in operands.items()}, "start": In(1),
                           "result": Out(format.layout), "done": Out(1),
@@ -80,17 +81,16 @@ class DigitRecurrence(wiring.Component):
 
     @property
     def _cycles(self):
-        return -(-self._format.precision // self._bits_per_cycle)
-
-    @property
-    def _registered_bits(self):
-        return self._cycles * self._bits_per_cycle
+        return -(-self._least_bits // self._bits_per_cycle)
 
     @property
     def _bits(self):
-        # Significand and guard bit at least. Where the last cycle has no room for the guard bit,
-        # the rounding cycle makes it, with the first step's circuit, which is idle by then.
-        return max(self._registered_bits, self._format.precision + 1)
+        return self._cycles * self._bits_per_cycle
+
+    @property
+    def _least_bits(self):
+        """Result bits that the steps have to find: significand and guard bit."""
+        return self._format.precision + 1
 
     def elaborate(self, platform):
         m = Module()
@@ -110,15 +110,13 @@ class DigitRecurrence(wiring.Component):
         s = keep("begin", s)
         for cut in cuts[1:-1]:
             s = keep(cut, self._advance(m, s)[-1])
-        if self._registered_bits < self._bits:
-            s = self._step(m, s)
         s = rank("result", **self._finish(m, s))
         m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
         m.d.comb += self.done.eq(rank.valid)
 
     def _iterate(self, m, begun):
         # A one runs ahead of the quotient: its arrival at the top ends the recurrence.
-        begun.quotient = C(1, self._registered_bits + 1)
+        begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
                                for name, value in vars(begun).items()})
         steps = self._advance(m, s)
@@ -133,8 +131,7 @@ class DigitRecurrence(wiring.Component):
         with m.If(accept):
             m.d.sync += [getattr(s, name).eq(value) for name, value in vars(begun).items()]
         with m.If(finishing):
-            finished = self._finish(m, steps[0] if self._registered_bits < self._bits else s)
-            m.d.sync += [getattr(self, name).eq(value) for name, value in finished.items()]
+            m.d.sync += [getattr(self, name).eq(value) for name, value in self._finish(m, s).items()]
 
     def _begin(self, m):
         """The registers' first contents, all but ``quotient``."""
@@ -145,11 +142,20 @@ class DigitRecurrence(wiring.Component):
         b_significand, b_exponent = normalised(m, fmt, self._divisor, b, "b")
 
         # Scale X by two if it is less than B, or if the root's exponent would not be whole: the
-        # bias is odd, so that is where a_exponent is even.
-        less = a_significand < b_significand
-        scale = Mux(square_root, ~a_exponent[0], less)
+        # bias is odd, so that is where a_exponent is even. One subtraction compares the significands
+        # and takes what is less off the difference of the exponents, as its borrow.
         exponent = Signal(signed(max(fmt.exponent_width, fmt.fraction_width.bit_length()) + 2))
-        m.d.comb += exponent.eq(a_exponent + fmt.bias - Mux(square_root, 0, b_exponent + less))
+        biased, taken_off = Signal.like(exponent), Signal.like(exponent)
+        difference = Signal(fmt.fraction_width + len(exponent))
+        m.d.comb += [
+            biased.eq(a_exponent + fmt.bias),
+            taken_off.eq(b_exponent),
+            difference.eq(Cat(a_significand[:-1], biased)
+                          - Mux(square_root, 0, Cat(b_significand[:-1], taken_off))),
+            exponent.eq(difference[fmt.fraction_width:]),
+        ]
+        less = exponent[0] ^ biased[0] ^ taken_off[0]
+        scale = Mux(square_root, ~a_exponent[0], less)
 
         # Weights: bit 0 of remainder, divisor and place is that of the last quotient bit.
         last = self._bits - 1
@@ -180,11 +186,12 @@ class DigitRecurrence(wiring.Component):
         trial, remainder = Signal.like(s.remainder), Signal.like(s.remainder)
         divisor, place = Signal.like(s.divisor), Signal.like(s.place)
         negative, bit = s.remainder[-1], ~remainder[-1]
+        latest = (s.place << 2)[:len(s.divisor)]
         m.d.comb += [
-            trial.eq(s.divisor | s.place | Mux(negative, s.place << 1, 0)),
+            trial.eq(s.divisor | s.place | Mux(negative, s.place << 1, latest)),
             # 2R has room for the carry of a subtraction in its lowest bit.
             remainder.eq(Cat(~negative, s.remainder) + Mux(negative, trial, ~trial)),
-            divisor.eq(s.divisor | Mux(bit, s.place << 1, 0)),
+            divisor.eq(s.divisor | Mux(negative, 0, latest)),
             place.eq(s.place >> 1),
         ]
         return SimpleNamespace(**{**vars(s), "remainder": remainder, "divisor": divisor, "place": place,
@@ -234,7 +241,7 @@ class FpDivide(DigitRecurrence):
     format : FloatFormat
         Format of operands and result.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision.
+        Result bits made in one cycle, 1 to the format's precision and one.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
     rounding : Rounding
@@ -290,7 +297,7 @@ class FpSquareRoot(DigitRecurrence):
     format : FloatFormat
         Format of operand and result.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision.
+        Result bits made in one cycle, 1 to the format's precision and one.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
     rounding : Rounding
@@ -345,7 +352,7 @@ class FpDivideSquareRoot(DigitRecurrence):
     format : FloatFormat
         Format of operands and result.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision.
+        Result bits made in one cycle, 1 to the format's precision and one.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool

@@ -65,9 +65,9 @@ class FpReciprocalSquareRoot(DigitRecurrence):
         return exact.reciprocal_square_root(self._format, a, self._rounding)[1]
 
     @property
-    def _bits(self):
-        # b_1 is known from the start, so that the cycles always have room for the guard bit.
-        return self._registered_bits
+    def _least_bits(self):
+        # b_1 is known from the start.
+        return self._format.precision
 
     # With X, the operand scaled to [1, 4), the result is 0.1 b_2 b_3 ... from 1/2 to 1. Let Q be the
     # bits found so far, k - 1 of them, as an integer. The next one is b_k = 1 if with the odd number
