@@ -4,10 +4,13 @@ BIN := $(VENV)/bin
 CONFIG ?= thesis
 SIM ?= verilator
 WAVES ?=
+RECORDINGS ?= ../shared/recordings
+ONLY ?=
+PART ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim lint docs clean
+.PHONY: help setup icarus demo verilog test sim report formal exhaustive mutants accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -40,6 +43,22 @@ test: setup icarus ## Run all tests.
 sim: setup ## Run every module's cocotb bench in SIM=icarus or verilator; WAVES=1 keeps waveforms.
 	WAVES=$(WAVES) $(PYTEST) tests/sim/test_benches.py -k $(SIM)
 
+report: $(VENV)/ready-report ## Synthesise, place and route operators and cores; figures for `make docs` in docs/report.
+	$(BIN)/strapdown report --output build/report
+	mkdir -p docs/report && cp build/report/*.json build/report/*.png docs/report
+
+formal: $(VENV)/ready-formal ## Prove properties of the operators; ONLY=REGEX chooses. See docs/proof.md.
+	$(BIN)/python -m strapdown_sim.proof formal --only '$(ONLY)'
+
+exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sqrt, PART=1/256 choose.
+	$(BIN)/python -m strapdown_sim.proof exhaustive $(addprefix --only ,$(ONLY)) --fraction $(PART)
+
+mutants: setup ## Put single faults into the operators; their tests must notice. ONLY=REGEX chooses files.
+	$(BIN)/python -m strapdown_sim.proof mutants --only '$(ONLY)'
+
+accuracy: $(VENV)/ready-accuracy ## Attitude filters on real recordings, beside published ones; RECORDINGS=folder.
+	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
+
 lint: setup ## Check style, types, spelling and the direction of imports.
 	$(BIN)/ruff check .
 	$(BIN)/mypy hw/strapdown
@@ -49,6 +68,7 @@ lint: setup ## Check style, types, spelling and the direction of imports.
 
 docs: demo ## Write the generated figures and the demo's picture into README.md and docs/.
 	$(BIN)/python scripts/update_docs.py
+	$(BIN)/python -m strapdown_sim.proof document
 
 clean: ## Remove what was generated, but not .venv.
 	rm -rf build

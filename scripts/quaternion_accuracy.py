@@ -9,7 +9,8 @@ import sys
 import numpy as np
 from strapdown_sim.reference import quaternion as exact
 
-from strapdown.cores.quaternion import QUATERNION_J2, quat_direct
+from strapdown.config import QUATERNION_J2
+from strapdown.cores import quat_direct
 from strapdown.fp import BINARY32, BINARY64, Subnormals
 from strapdown.kernel.numeric import Float64
 from strapdown.kernel.pool import Pool
@@ -65,7 +66,7 @@ def main():
                 old = np.degrees(exact.angle_between(first, truth).max())
                 for order, renormalise in ((2, 0), (3, 0), (3, 1)):
                     config = QUATERNION_J2.model_copy(update={
-                        "update_rate_hz": rate, "order": order, "renormalise_every": renormalise, "pool": pool})
+                        "sample_rate_hz": rate, "order": order, "renormalise_every": renormalise, "pool": pool})
                     q, bits = run(config, rates)
                     angle = np.degrees(exact.angle_between(q, truth).max())
                     drift = np.abs(np.linalg.norm(q, axis=1) - 1).max()

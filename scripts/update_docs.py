@@ -1,6 +1,7 @@
-"""Write the generated figures into README.md, and the picture of the demo into docs/.
+"""Write the generated figures into README.md and docs/report.md, and the picture of the demo into docs/.
 
-Run by `make docs`, after `make demo`. `blocks` is also what the tests hold the README against.
+Run by `make docs`, after `make demo`. The tests hold the files against the same functions. The figures of
+docs/report.md come from docs/report, where `make report` put them.
 """
 
 import json
@@ -8,8 +9,10 @@ import re
 import shutil
 from pathlib import Path
 
+from strapdown_sim.report.tables import anchor_table, core_table, flow_lines, operator_tables
+
 from strapdown.config import THESIS
-from strapdown.cores import ATTITUDE_CORES, attitude_core
+from strapdown.cores import ATTITUDE_CORES, make_core
 
 ROOT = Path(__file__).parents[1]
 
@@ -18,7 +21,7 @@ def modules_block():
     """Table of the modules with their latency."""
     rows = ["| module | what it gives | cycles | µs at 100 MHz |", "|---|---|---:|---:|"]
     for name in ATTITUDE_CORES:
-        core = attitude_core(name, THESIS)
+        core = make_core(name, THESIS)
         rows.append(f"| `{name}` | {core.system.title} | {core.latency} | {core.latency / 100:.2f} |")
     return "\n".join(rows)
 
@@ -34,21 +37,34 @@ def demo_block(summary):
         f"| {summary['bits_differing_from_twin']} |"])
 
 
+def report_blocks():
+    """Tables of docs/report.md, by the name of their block."""
+    cores, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text())
+                        for name in ("cores", "operators"))
+    return {"flow": flow_lines(cores), "cores": core_table(cores), "public cores": anchor_table(),
+            "operators": operator_tables(operators)}
+
+
 def block(text, name):
     """The text between the markers of a generated block."""
     return re.search(rf"<!-- generated: {name} -->\n(.*?)<!-- end -->", text, re.DOTALL)
 
 
-def main():
-    """Update README.md and docs/attitude.png from build/demo."""
-    readme = ROOT / "README.md"
-    text = readme.read_text()
-    summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
-    for name, content in ("demo", demo_block(summary)), ("modules", modules_block()):
+def write_blocks(path, blocks):
+    """Put contents, by the name of their block, into a file."""
+    text = path.read_text()
+    for name, content in blocks.items():
         found = block(text, name)
         text = text[:found.start(1)] + content + "\n" + text[found.end(1):]
-    readme.write_text(text)
+    path.write_text(text)
+
+
+def main():
+    """Update README.md and docs/attitude.png from build/demo, and docs/report.md from docs/report."""
+    summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
+    write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
+    write_blocks(ROOT / "docs" / "report.md", report_blocks())
 
 
 if __name__ == "__main__":

@@ -7,18 +7,25 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.cores import attitude_core
+from strapdown.config import FlightConfig
+from strapdown.cores import main_module, make_core
 from strapdown.export import write_core
 
 from .drivers.core import CoreModel
-from .errors import attitude_errors, match_reference, quaternion_from_matrix, rms, rotation_angle
+from .errors import (
+    attitude_errors,
+    conjugate,
+    match_reference,
+    multiply,
+    quaternion_from_matrix,
+    rms,
+    rotation_angle,
+)
 from .picture import attitude_picture
 from .reference.attitude import ComplementaryFilter, euler_angles, matrix_from_quaternion
+from .reference.flight import FRAME_QUATERNIONS, FlightFilter
 
-__all__ = ["Replay", "replay"]
-
-FRAME = "NWU"
-"""Navigation frame of the attitude cores: x magnetic north, y west, z up."""
+__all__ = ["Replay", "flight_filter", "replay"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,7 @@ class Replay:
     Attributes
     ----------
     quaternion : ndarray, shape (N, 4)
-        Sensor to earth (FRAME), scalar first, of the circuit's matrix.
+        Sensor to the configuration's navigation frame, scalar first, of the circuit's matrix.
     angles : ndarray, shape (N, 3)
         The circuit's roll, pitch and yaw in degrees.
     summary : dict
@@ -40,24 +47,52 @@ class Replay:
     summary: dict
 
 
-def replay(recording, config, directory, *, build, command, progress=None):
-    """Run a recording through INS_top in Verilator, from reset, and write what came out.
+def flight_filter(config, sample_rate_hz):
+    """The float64 reference of INS_flight in a FlightConfig, at a sample rate."""
+    return FlightFilter(period_s=1 / sample_rate_hz, frame=config.frame, axes=config.axes,
+                        magnetometer=config.magnetometer, **config.parameters._asdict())
 
-    The core is generated for the recording's sample rate. The folder gets ``INS_top.v`` and
-    ``INS_top.json``, ``attitude.csv`` (t in seconds; q from sensor to earth; pitch, roll, yaw in
-    degrees), ``summary.json`` and ``attitude.png``.
+
+def _core_and_truth(config):
+    """The core of a configuration, its float64 reference, and its navigation frame."""
+    core = make_core(main_module(config), config)
+    if isinstance(config, FlightConfig):
+        return core, flight_filter(config, config.sample_rate_hz), config.frame
+    truth = ComplementaryFilter(kp=config.kp, ki=config.ki, period_s=config.period_s, mag_axes=config.magnetometer_axes)
+    return core, truth, "NWU"
+
+
+def _inputs(config, recording):
+    """What the input ports get, and the field: zero where there is none."""
+    count = len(recording.time_s)
+    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
+    vectors = {"in_acc": recording.accel, "in_mag": mag, "in_gyro": recording.gyro_deg_s}
+    inputs = {port + axis: column for port, samples in vectors.items()
+              for axis, column in zip("xyz", samples.T, strict=True)}
+    if isinstance(config, FlightConfig):
+        inputs |= {f"in_{name}": np.full(count, getattr(config, name)) for name in config.inputs}
+        inputs |= {"in_period": np.full(count, config.period_s), "in_mag_valid": np.ones(count)}
+    return inputs, mag
+
+
+def replay(recording, config, directory, *, build, command, progress=None):
+    """Run a recording through INS_top or INS_flight in Verilator, from reset, and write what came out.
+
+    The core is generated for the recording's sample rate. The folder gets its ``.v`` and ``.json``,
+    ``attitude.csv`` (t in seconds; q from sensor to earth; pitch, roll, yaw in degrees),
+    ``summary.json`` and ``attitude.png``.
 
     Parameters
     ----------
     recording : Recording
-    config : AttitudeConfig
+    config : AttitudeConfig or FlightConfig
         Its sample rate is replaced by the recording's.
     directory : Path
         Folder to write to.
     build : Path
         Folder for compiled models.
     command : str
-        Command line that makes the Verilog again, but for the sample rate.
+        Command line that makes the Verilog again, but for module and sample rate.
     progress : callable or None
         ``progress(stage, done, total)``, now and then; stages are "build", "simulate", "compare".
 
@@ -71,15 +106,15 @@ def replay(recording, config, directory, *, build, command, progress=None):
 
     progress("build", 0, 1)
     config = config.replace(sample_rate_hz=recording.sample_rate_hz)
-    core = attitude_core("INS_top", config)
-    verilog = write_core(core, config, directory, f"{command} --set sample_rate_hz={recording.sample_rate_hz!r}")
+    core, reference_model, frame = _core_and_truth(config)
+    module = core.system.name
+    verilog = write_core(core, config, directory,
+                         f"{command} --module {module} --set sample_rate_hz={recording.sample_rate_hz!r}")
     model = CoreModel(core, verilog, build)
     progress("build", 1, 1)
 
-    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
-    inputs = {port: column for ports, samples in (("in_acc", recording.accel), ("in_mag", mag),
-                                                  ("in_gyro", recording.gyro_deg_s))
-              for port, column in zip((ports + axis for axis in "xyz"), samples.T, strict=True)}
+    inputs, mag = _inputs(config, recording)
+    inputs = {port: inputs[port] for port in core.system.input_ports}
     result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
 
     progress("compare", 0, 2)
@@ -88,13 +123,12 @@ def replay(recording, config, directory, *, build, command, progress=None):
     angles = np.stack([result[f"out_{name}"] for name in ("roll", "pitch", "yaw")], axis=-1).astype(float)
     differing = model.differing_bits(inputs, result)
     progress("compare", 1, 2)
-    truth = ComplementaryFilter(kp=config.kp, ki=config.ki, period_s=config.period_s,
-                                mag_axes=config.magnetometer_axes).run(recording.accel, mag, recording.gyro_deg_s)
+    truth = reference_model.run(recording.accel, mag, recording.gyro_deg_s)
     difference = rotation_angle(quaternion, quaternion_from_matrix(truth.c_n2b))
     summary = {
         "recording": recording.name,
         "config": config.name,
-        "frame": FRAME,
+        "frame": frame,
         "quaternion": "sensor to earth, scalar first",
         "samples": count,
         "sample_rate_hz": recording.sample_rate_hz,
@@ -106,21 +140,22 @@ def replay(recording, config, directory, *, build, command, progress=None):
     }
     device = np.full_like(angles, np.nan)
     if recording.reference is not None:
-        match = match_reference(recording, quaternion)
+        to_frame = FRAME_QUATERNIONS[frame]
+        match = match_reference(recording, multiply(conjugate(to_frame), quaternion))
         errors = attitude_errors(match.q_est, match.q_ref)
         summary["against_recorded_reference_deg"] = {
             "samples": len(match.sample),
             "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
             **{f"{name}_rms": rms(getattr(errors, name)) for name in errors._fields},
             "total_median": float(np.median(errors.total))}
-        pitch, roll, yaw = euler_angles(matrix_from_quaternion(match.q_ref))
+        pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
 
     _write_attitude(directory / "attitude.csv", recording.time_s, quaternion, angles)
     (directory / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     attitude_picture(
         directory / "attitude.png", time_s=recording.time_s, hardware=angles,
-        title=f"{recording.name}: INS_top, configuration {config.name}, {recording.sample_rate_hz:g} Hz",
+        title=f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz",
         reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1),
         device=None if recording.reference is None else device,
         labels=("hardware", "float64 reference", "recorded reference"))

@@ -1,17 +1,22 @@
 # amaranth: UnusedElaboratable=no
 # Operators are made, and their options so checked, before the first is written.
-"""The command line: list, generate, replay, explain."""
+"""The command line: list, generate, design, replay, report, accuracy, explain."""
 
+import math
 import re
+from functools import partial
 from pathlib import Path
 
 import click
 
 from strapdown import __version__
-from strapdown.config import CONFIGS, ConfigError
-from strapdown.cores import ATTITUDE_CORES, attitude_core
+from strapdown.config import CONFIGS, AttitudeConfig, ConfigError, FlightConfig
+from strapdown.cores import MODULES, main_module, make_core, modules_of
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
+from strapdown.design import METHODS, smallest_order
+from strapdown.design.picture import error_picture
 from strapdown.export import explain, write_core, write_operator
+from strapdown.synthesis import Cache, ToolMissingError
 
 __all__ = ["main"]
 
@@ -23,6 +28,14 @@ class UserError(click.ClickException):
 
     def show(self, file=None):
         click.echo(f"strapdown: {self.format_message()}", err=True)
+
+
+def core_of(config, module):
+    """The core ``module`` in a configuration that has it."""
+    try:
+        return make_core(module, config)
+    except ValueError as error:
+        raise UserError(str(error)) from None
 
 
 def config_options(function):
@@ -66,17 +79,18 @@ def list_():
     """List configurations and modules."""
     click.echo("Configurations (--config NAME):")
     for config in CONFIGS.values():
-        click.echo(f"  {config.name:<12}{config.description}")
-    click.echo("\nModules (--module NAME), with their latency in clock cycles in configuration thesis:")
-    for name in ATTITUDE_CORES:
-        core = attitude_core(name, CONFIGS["thesis"])
-        click.echo(f"  {name:<12}{core.latency:>4}  {core.system.title}")
+        click.echo(f"  {config.name:<16}{config.description}")
+    click.echo("\nModules (--module NAME), the first configuration that has each, its latency there in clock cycles:")
+    for name in MODULES:
+        config = next(config for config in CONFIGS.values() if name in modules_of(config))
+        core = core_of(config, name)
+        click.echo(f"  {name:<12}{config.name:<16}{core.latency:>4}  {core.system.title}")
 
 
 @main.command()
 @config_options
-@click.option("--module", "modules", type=click.Choice(list(ATTITUDE_CORES)), multiple=True,
-              help="Module to generate; may be repeated. All by default.")
+@click.option("--module", "modules", type=click.Choice(MODULES), multiple=True,
+              help="Module to generate; may be repeated. All of the configuration by default.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=None,
               help="Folder to write to.  [default: build/verilog/CONFIG]")
 @click.option("--operators", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
@@ -99,8 +113,8 @@ def generate(context, config_name, changes, modules, output, operators, latencie
         raise UserError("--latency needs --operators DIR; the modules' operators belong to the configuration")
     config, options = configuration(config_name, changes)
     directory = output or Path("build/verilog") / config.name
-    for name in modules or ATTITUDE_CORES:
-        core = attitude_core(name, config)
+    for name in modules or modules_of(config):
+        core = core_of(config, name)
         try:
             path = write_core(core, config, directory, f"strapdown generate {options} --module {name}")
         except OSError as error:
@@ -140,7 +154,7 @@ def _generate_operators(directory, latencies):
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder for compiled simulation models, which are kept.")
 def replay(recording, config_name, changes, output, sample_rate_hz, build):
-    """Replay RECORDING through INS_top in Verilator, sample by sample, from reset.
+    """Replay RECORDING through INS_top or INS_flight in Verilator, sample by sample, from reset.
 
     RECORDING is a CSV file with units in its header, an x-IMU export, or an .npz archive; see
     docs/recordings.md. The core is generated for the recording's sample rate.
@@ -152,6 +166,8 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
     from strapdown_sim.replay import replay as run
 
     config, options = configuration(config_name, changes)
+    if not isinstance(config, AttitudeConfig | FlightConfig):
+        raise UserError(f"recordings go through INS_top or INS_flight, and {config_name} is of {main_module(config)}")
     try:
         data = read_recording(recording, sample_rate_hz=sample_rate_hz)
     except RecordingError as error:
@@ -169,7 +185,7 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
 
         try:
             result = run(data, config, output, build=build, progress=progress,
-                         command=f"strapdown generate {options} --module INS_top")
+                         command=f"strapdown generate {options}")
         except (SimulatorMissingError, ConfigError) as error:
             raise UserError(str(error)) from None
         except OSError as error:
@@ -203,8 +219,177 @@ def _print_summary(summary, output):
     Console().print(table)
 
 
+@main.command()
+@click.option("--operators", is_flag=True, help="Report operators, and cores only if they are asked for too.")
+@click.option("--cores", is_flag=True, help="Report cores, and operators only if they are asked for too.")
+@click.option("--only", metavar="OPERATOR", multiple=True,
+              help="Report only the operators of this name, as in --only add. May be repeated.")
+@click.option("--config", "config_name", type=click.Choice(list(CONFIGS)),
+              help="Report only the cores of this configuration.")
+@click.option("--place/--no-place", default=True, show_default=True,
+              help="Whether to place and route, which takes most of the time and gives the clock frequency.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/report"),
+              show_default=True, help="Folder for JSON, tables and pictures.")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder for the tools' answers and simulation models, which are kept.")
+def report(operators, cores, only, config_name, place, output, build):
+    """Synthesise operators and cores, place and route them, and compare them with public ones.
+
+    Answers are kept, so that a run that was cut off goes on where it was.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from strapdown_sim.drivers.toolchain import SimulatorMissingError
+    from strapdown_sim.report.cores import CORES
+    from strapdown_sim.report.measure import core_design, measure, operator_design, provenance
+    from strapdown_sim.report.operators import OPERATORS
+    from strapdown_sim.report.report import write_cores, write_operators, write_page
+
+    names = list(dict.fromkeys(entry.operator for entry in OPERATORS))
+    if unknown := [name for name in only if name not in names]:
+        raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
+    operators, cores = bool(operators or only), bool(cores or config_name)
+    everything = operators == cores
+    chosen = {
+        "cores": [entry for entry in CORES if config_name in (None, entry.config.name)] if cores or everything else [],
+        "operators": [entry for entry in OPERATORS if not only or entry.operator in only]
+        if operators or everything else []}
+    designs = {"cores": partial(core_design, build=build), "operators": operator_design}
+    cache = Cache(build / "report" / "cache")
+    columns = (TextColumn("{task.description:<10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    reports = {}
+    try:
+        source = provenance(place=place)
+        with Progress(*columns, console=Console(stderr=True)) as bars:
+            for kind, entries in chosen.items():
+                if entries:
+                    task = bars.add_task(kind, total=len(entries) * (1 + place))
+                    rows = measure(map(designs[kind], entries), cache, place=place,
+                                   progress=partial(bars.advance, task))
+                    reports[kind] = {**source, kind: rows}
+    except (SimulatorMissingError, ToolMissingError) as error:
+        raise UserError(str(error)) from None
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        if "cores" in reports:
+            write_cores(output, reports["cores"])
+        if "operators" in reports:
+            write_operators(output, reports["operators"])
+        path = write_page(output, **reports)
+    except OSError as error:
+        raise UserError(f"cannot write to {output}: {error.strerror}") from None
+    click.echo(path)
+
+
+@main.command()
+@click.argument("recordings", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/accuracy"),
+              show_default=True, help="Folder for accuracy.json, accuracy.md and accuracy.png.")
+def accuracy(recordings, output):
+    """Run this project's and published filters over all .npz files of the folder RECORDINGS.
+
+    Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from strapdown_sim.accuracy import measure, write_accuracy
+    from strapdown_sim.recordings import RecordingError
+
+    with Progress(TextColumn("filters on recordings"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+                  console=Console(stderr=True)) as bars:
+        task = bars.add_task("", total=None)
+        try:
+            result = measure(recordings, progress=lambda done, total: bars.update(task, completed=done, total=total))
+        except RecordingError as error:
+            raise UserError(str(error)) from None
+        except ModuleNotFoundError as error:
+            raise UserError(f"the package {error.name} is not installed: 'make accuracy' installs it") from None
+    if not result["recordings"]:
+        raise UserError(f"{recordings} has no .npz recording with a reference orientation")
+    try:
+        click.echo(write_accuracy(result, output))
+    except OSError as error:
+        raise UserError(f"cannot write to {output}: {error.strerror}") from None
+
+
+@main.command("schedule")
+@config_options
+@click.option("--module", type=click.Choice(MODULES), default=None,
+              help="Module whose schedule is shown.  [default: the configuration's top]")
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), default=None, metavar="FILE",
+              help="Picture to write, .png or .svg.  [default: build/schedule/CONFIG_MODULE.png]")
+def schedule_(config_name, changes, module, output):
+    """Draw the schedule of a module, unit against cycle, and list its critical path with kernel lines."""
+    from strapdown.export.gantt import schedule_picture, schedule_summary
+
+    config, _ = configuration(config_name, changes)
+    module = module or main_module(config)
+    result = core_of(config, module).engine.program.schedule
+    for line in schedule_summary(result):
+        click.echo(line)
+    path = output or Path("build/schedule") / f"{config.name}_{module}.png"
+    if path.suffix not in (".png", ".svg"):
+        raise UserError(f"--output takes a .png or .svg file, not {path}")
+    try:
+        schedule_picture(result, f"{module}, configuration {config.name}", path)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from None
+    click.echo(f"picture: {path}")
+
+
+@main.group()
+def design():
+    """Find the numbers that a core is generated with."""
+
+
+@design.command("quaternion")
+@click.option("--rate-max", "rate_max_deg_s", type=click.FloatRange(min=0, min_open=True), required=True,
+              metavar="DEG/S", help="Largest length of the rate vector.")
+@click.option("--period", "period_s", type=click.FloatRange(min=0, min_open=True), required=True, metavar="S",
+              help="Update period T.")
+@click.option("--order", type=int, default=None, metavar="J",
+              help="Order of the polynomials, 2 to 8.  [default: 2, or the least that --error allows]")
+@click.option("--error", "wanted_deg_h", type=click.FloatRange(min=0, min_open=True), default=None, metavar="DEG/H",
+              help="Take the least order that drifts no faster than this at any rate.")
+@click.option("--method", type=click.Choice(list(METHODS)), default="minimax", show_default=True,
+              help="Least largest error, or the patent's sums of squares.")
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("build/design/quaternion.png"),
+              show_default=True, help="Picture of the errors over the rate.")
+def design_quaternion(rate_max_deg_s, period_s, order, wanted_deg_h, method, output):
+    """Coefficients a0, d0 of the quaternion's state transition, and their worst errors.
+
+    Errors are those of the coefficients, rounded to a format; arithmetic in that format adds its
+    own rounding.
+    """
+    if order is not None and wanted_deg_h is not None:
+        raise UserError("--order and --error exclude each other: one of them fixes the order")
+    largest_angle = math.radians(rate_max_deg_s) * period_s
+    try:
+        if wanted_deg_h is None:
+            chosen = METHODS[method](2 if order is None else order, largest_angle)
+        else:
+            chosen = smallest_order(method, largest_angle, wanted=math.radians(wanted_deg_h / 3600) * period_s)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    click.echo(f"order {chosen.order}, {method}, for |omega|*T up to {largest_angle:.6g} rad")
+    for name, coefficients in ("a0", chosen.a0), ("d0", chosen.d0):
+        for power, coefficient in enumerate(coefficients):
+            click.echo(f"  {name}[{power}] = {coefficient!r}")
+    click.echo("worst errors:   angle, rad an update   drift, deg/h   norm, an update")
+    for name, dtype in ("binary64", "f8"), ("binary32", "f4"):
+        angle, norm = chosen.rounded(dtype).worst()
+        click.echo(f"  {name:<14}{angle:>20.3g}{math.degrees(angle) / period_s * 3600:>15.3g}{norm:>18.3g}")
+    others = [METHODS[name](chosen.order, largest_angle) for name in METHODS if name != method]
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        error_picture(output, [chosen, *others], period_s=period_s, highlighted=chosen)
+    except OSError as error:
+        raise UserError(f"cannot write to {output}: {error.strerror}") from None
+    click.echo(str(output))
+
+
 @main.command("explain")
-@click.argument("module", type=click.Choice(list(ATTITUDE_CORES)))
+@click.argument("module", type=click.Choice(MODULES))
 @config_options
 @click.option("--cycle", type=click.IntRange(min=0), help="Show this cycle only, with the whole chain of kernel lines.")
 @click.option("--line", "place", metavar="FILE:LINE", help="Show what a kernel line became, as in attitude.py:47.")
@@ -214,7 +399,7 @@ def explain_(module, config_name, changes, cycle, place):
     Without options: the whole microprogram.
     """
     config, _ = configuration(config_name, changes)
-    program = attitude_core(module, config).engine.program
+    program = core_of(config, module).engine.program
     if cycle is not None and cycle >= program.length:
         raise UserError(f"{module} has cycles 0 to {program.length - 1}, not {cycle}")
     if place is None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from cocotb_tools.runner import get_results, get_runner
 
 from strapdown.config import CONFIGS
-from strapdown.cores import attitude_core
+from strapdown.cores import make_core
 from strapdown.export import write_core
 
 from .toolchain import verilator_environment
@@ -21,7 +21,7 @@ SEED = 20151
 def core_under_test():
     """In a bench: the core that is being simulated, and its configuration."""
     config = CONFIGS[os.environ[CONFIG]]
-    return attitude_core(os.environ[MODULE], config), config
+    return make_core(os.environ[MODULE], config), config
 
 
 def run_bench(benches, module, config, simulator, directory, *, waves=False, language="2001"):
@@ -46,7 +46,7 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False, lan
     int
         Number of tests that ran. Raises: RuntimeError if one failed or none ran.
     """
-    verilog = write_core(attitude_core(module, CONFIGS[config]), CONFIGS[config], directory, "")
+    verilog = write_core(make_core(module, CONFIGS[config]), CONFIGS[config], directory, "")
     build = directory / "build"
     runtime = directory.parent / ("runtime-waves" if waves else "runtime")
     _copy_objects(runtime, build)

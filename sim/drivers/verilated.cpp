@@ -6,12 +6,17 @@
 //   MODEL transact LIMIT
 //                   each row is one START..FINISH transaction; the answer holds the outputs when
 //                   FINISH has risen, the probes, and the cycles it took (0: not within LIMIT)
+//   MODEL offer LIMIT
+//                   each row is the cycles to wait (~0: reset), and a sample to offer until READY;
+//                   the answer, at each FINISH, holds the outputs, the probes, the number of the row
+//                   and those of the edges that took the sample and raised FINISH
 //
 // Stimulus comes in on standard input, answers go out on standard output as they arise.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 
 #include "verilated.h"
 #include "ports.h"
@@ -87,6 +92,58 @@ static void transact(uint64_t limit) {
 }
 #endif
 
+#ifdef READY
+static bool offer(uint64_t limit) {
+    uint64_t in[INPUT_COUNT + 1], out[OUTPUT_COUNT + PROBE_COUNT + 3], cycle = 0, busy = 0, number = -1;
+    auto read = [&] { return number++, fread(in, sizeof *in, INPUT_COUNT + 1, stdin) == INPUT_COUNT + 1; };
+    std::deque<std::pair<uint64_t, uint64_t>> taken;
+    bool more = read();
+    while (more || !taken.empty()) {
+        if (more && in[0] == ~uint64_t(0)) {
+            dut->START = 0;
+            reset();
+            taken.clear();
+            more = read();
+            continue;
+        }
+        bool offered = more && in[0] == 0;
+        uint64_t noise[INPUT_COUNT + 1];
+        for (int port = 0; port < INPUT_COUNT; port++) noise[port] = ~in[port + 1];
+        drive(offered ? in + 1 : noise);
+        dut->START = offered;
+        dut->CLOCK = 0;
+        dut->eval();
+        bool takes = offered && dut->READY;
+        if (dut->FINISH) {
+            if (taken.empty()) return false;
+            uint64_t *row = sample(out);
+#define PROBE(expression) *row++ = dut->rootp->expression;
+            PROBES
+#undef PROBE
+            *row++ = taken.front().first;
+            *row++ = taken.front().second;
+            *row++ = cycle - 1;
+            taken.pop_front();
+            fwrite(out, sizeof *out, row - out, stdout);
+            busy = 0;
+        }
+        dut->CLOCK = 1;
+        dut->eval();
+        if (takes) {
+            taken.emplace_back(number, cycle);
+            more = read();
+            busy = 0;
+        } else if (more && in[0]) {
+            in[0]--;
+            if (taken.empty()) busy = 0;
+        }
+        if (++busy > limit) return false;
+        cycle++;
+    }
+    return true;
+}
+#endif
+
 int main(int argc, char **argv) {
     dut = new MODEL_TYPE;
     static char buffer[1 << 16];
@@ -98,8 +155,12 @@ int main(int argc, char **argv) {
     } else if (argc == 3 && !strcmp(argv[1], "transact")) {
         transact(strtoull(argv[2], nullptr, 10));
 #endif
+#ifdef READY
+    } else if (argc == 3 && !strcmp(argv[1], "offer")) {
+        if (!offer(strtoull(argv[2], nullptr, 10))) return 3;
+#endif
     } else {
-        fprintf(stderr, "usage: %s stream | transact LIMIT\n", argv[0]);
+        fprintf(stderr, "usage: %s stream | transact LIMIT | offer LIMIT\n", argv[0]);
         return 2;
     }
     dut->final();

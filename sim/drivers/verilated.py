@@ -29,6 +29,8 @@ class Interface:
         Data ports, each at most 64 bits wide, clock, reset, start and finish not among them.
     start, finish : str or None
         Handshake of a transaction, if the module has one.
+    ready : str or None
+        Output that is high when a start is taken, of a module that does not take every one.
     clock, reset : str
         Names of these ports; an empty ``reset`` means none.
     reset_active : int
@@ -43,6 +45,7 @@ class Interface:
     outputs: tuple[str, ...]
     start: str | None = None
     finish: str | None = None
+    ready: str | None = None
     clock: str = "clk"
     reset: str = "rst_n"
     reset_active: int = 0
@@ -56,6 +59,8 @@ class Interface:
             lines += [f"#define RESET {self.reset}", f"#define RESET_ACTIVE {self.reset_active}"]
         if self.start:
             lines += [f"#define START {self.start}", f"#define FINISH {self.finish}"]
+        if self.ready:
+            lines.append(f"#define READY {self.ready}")
         for kind, names in (("INPUT", self.inputs), ("OUTPUT", self.outputs),
                             ("PROBE", [expression for _, _, expression in self.probes.values()])):
             lines += [f"#define {kind}_COUNT {len(names)}",
@@ -151,7 +156,29 @@ class VerilatedModel:
                                f"in transaction {late[0]}")
         return answer
 
-    def _run(self, arguments, stimulus, names, progress):
+    def offer(self, stimulus, idle, *, limit=10_000, progress=None):
+        """One row a sample, offered until it is taken, while others are under way.
+
+        Parameters
+        ----------
+        stimulus : dict
+            Input port to integer array, shape (N,).
+        idle : ndarray
+            Cycles without an offer before each sample, or -1: no sample, but a reset.
+        limit : int
+            Most cycles without a sample taken or finished.
+
+        Returns
+        -------
+        dict
+            A row a finish, in order: outputs, probes, the ``row`` of the sample, and the numbers of the clock
+            edges that had it ``taken`` and ``finished``. Inputs are inverted while nothing is offered.
+            Raises: RuntimeError beyond ``limit``.
+        """
+        names = (*self.interface.outputs, *self.interface.probes, "row", "taken", "finished")
+        return self._run(["offer", str(limit)], stimulus, names, progress, before=np.asarray(idle, dtype=np.int64))
+
+    def _run(self, arguments, stimulus, names, progress, *, before=None):
         unknown = set(stimulus) - set(self.interface.inputs)
         if unknown:
             raise ValueError(f"{self.interface.top} has no input {', '.join(sorted(unknown))}")
@@ -160,6 +187,8 @@ class VerilatedModel:
         for column, name in enumerate(self.interface.inputs):
             if name in stimulus:
                 rows[:, column] = stimulus[name]
+        if before is not None:
+            rows = np.column_stack([before.view("<u8"), rows])
         view = bytearray(count * len(names) * 8)
         with subprocess.Popen([self._executable, *arguments], stdin=subprocess.PIPE,
                               stdout=subprocess.PIPE) as process:
@@ -176,9 +205,11 @@ class VerilatedModel:
                 if progress:
                     progress(received // (8 * len(names)))
             feeder.join()
-        if process.returncode or received < len(view):
+        # After a reset some samples have no answer.
+        complete = received == len(view) or (before is not None and received % (8 * len(names)) == 0)
+        if process.returncode or not complete:
             raise RuntimeError(f"the model of {self.interface.top} ended early, status {process.returncode}")
-        answer = np.frombuffer(view, dtype="<u8").reshape(count, len(names))
+        answer = np.frombuffer(view[:received], dtype="<u8").reshape(-1, len(names))
         return {name: answer[:, column] for column, name in enumerate(names)}
 
 

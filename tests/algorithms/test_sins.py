@@ -6,7 +6,8 @@ from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_f
 from strapdown_sim.stimuli.flight import SOURCE_EARTH, Change, Flight, at_rest
 
 from strapdown.algorithms import sins
-from strapdown.cores.sins import SINS, SINS_DAMPED, sins_top
+from strapdown.config import SINS, SINS_DAMPED
+from strapdown.cores import sins_top
 from strapdown.kernel.numeric import Float64
 from strapdown.kernel.system import leaves
 

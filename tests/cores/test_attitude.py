@@ -7,8 +7,8 @@ from strapdown_sim.reference.attitude import ComplementaryFilter
 from strapdown_sim.reference.ports import reference_outputs
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
 
-from strapdown.config import THESIS
-from strapdown.cores import ATTITUDE_CORES, attitude_core
+from strapdown.config import THESIS, THESIS_COMPACT, THESIS_FAST
+from strapdown.cores import ATTITUDE_CORES, make_core
 from strapdown.export import write_core
 
 SEED = 20151
@@ -44,7 +44,7 @@ def circuit(models, tmp_path_factory):
 
     def make(name):
         if name not in made:
-            core = attitude_core(name, THESIS)
+            core = make_core(name, THESIS)
             made[name] = CoreModel(core, write_core(core, THESIS, tmp_path_factory.mktemp("verilog"), ""), models)
         return made[name]
 
@@ -68,7 +68,7 @@ def random_inputs(name, count):
 @pytest.mark.parametrize("name", PORTS)
 def test_ports_are_those_of_the_thesis(name):
     start, inputs, outputs, finish = PORTS[name]
-    core = attitude_core(name, THESIS)
+    core = make_core(name, THESIS)
     members = core.signature.members
     flow = {port: member.flow.name for port, member in members.items()}
     expected = dict.fromkeys({"clk", "rst_n", start} | inputs, "In") | dict.fromkeys(outputs | {finish}, "Out")
@@ -79,12 +79,14 @@ def test_ports_are_those_of_the_thesis(name):
     assert {len(getattr(core, port)) for port in ("clk", "rst_n", start, finish)} == {1}
 
 
-def test_an_update_of_ins_top_takes_at_most_320_cycles():
-    assert attitude_core("INS_top", THESIS).latency <= 320
+@pytest.mark.parametrize(("config", "most"), [(THESIS, 270), (THESIS_COMPACT, 2000), (THESIS_FAST, 170)],
+                         ids=lambda value: getattr(value, "name", value))
+def test_an_update_of_ins_top_takes_no_more_cycles_than_its_budget(config, most):
+    assert make_core("INS_top", config).latency <= most
 
 
 def test_the_sequencer_walks_the_states_of_the_thesis():
-    core = attitude_core("INS_top", THESIS)
+    core = make_core("INS_top", THESIS)
     assert core.engine.state_names == ("IDLE", "ACC_MAG", "GYRO", "QUAT", "MATX", "EULER", "END")
     assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "ignored")
 
@@ -96,6 +98,17 @@ def test_circuit_is_the_twin_in_every_bit(circuit, name):
     inputs = random_inputs(name, UPDATES)
     result = model.update(inputs)
     assert set(result["cycles"]) == {model.core.latency}
+    assert model.differing_bits(inputs, result) == 0
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("config", [THESIS_COMPACT, THESIS_FAST], ids=lambda config: config.name)
+def test_other_pools_are_the_twin_in_every_bit(config, models, tmp_path):
+    core = make_core("INS_top", config)
+    model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
+    inputs = random_inputs("INS_top", UPDATES)
+    result = model.update(inputs)
+    assert set(result["cycles"]) == {core.latency}
     assert model.differing_bits(inputs, result) == 0
 
 

@@ -6,9 +6,8 @@ from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.recordings import read_recording
 from strapdown_sim.replay import replay
 
-from strapdown.config import FLIGHT, FLIGHT_6AXIS, FLIGHT_CONFIGS, THESIS, ConfigError
-from strapdown.cores.attitude import attitude_core
-from strapdown.cores.flight import flight_core, ins_flight
+from strapdown.config import CONFIGS, FLIGHT, FLIGHT_6AXIS, THESIS, ConfigError, FlightConfig
+from strapdown.cores import ins_flight, make_core
 from strapdown.export import write_core
 
 SEED = 42
@@ -24,7 +23,7 @@ MORE_OUTPUTS = names("out_q{}", "0 1 2 3") | names("out_bias{}", "x y z") | name
 
 
 def test_configurations_go_by_their_names():
-    assert {name: config.name for name, config in FLIGHT_CONFIGS.items()} == {
+    assert {name: config.name for name, config in CONFIGS.items() if isinstance(config, FlightConfig)} == {
         "flight": "flight", "flight_6axis": "flight_6axis"}
 
 
@@ -43,7 +42,8 @@ def test_errors_are_one_line(change, message):
 
 
 def test_ports_are_those_of_ins_top_and_more():
-    thesis, flight = (set(core.signature.members) for core in (attitude_core("INS_top", THESIS), flight_core(FLIGHT)))
+    thesis, flight = (set(make_core(module, config).signature.members)
+                      for module, config in (("INS_top", THESIS), ("INS_flight", FLIGHT)))
     assert flight == thesis | MORE_OUTPUTS
 
 
@@ -55,13 +55,13 @@ def test_ports_by_configuration():
 
 
 def test_status_bits():
-    assert flight_core(FLIGHT).engine.status_names == (
+    assert make_core("INS_flight", FLIGHT).engine.status_names == (
         "accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
         "range_exceeded", "refused", "ignored")
 
 
 def test_an_update_takes_at_most_450_cycles():
-    assert flight_core(FLIGHT).latency <= 450
+    assert make_core("INS_flight", FLIGHT).latency <= 450
 
 
 def strange_inputs(ports, count):
@@ -90,7 +90,7 @@ def strange_inputs(ports, count):
 @pytest.mark.verilator
 def test_circuit_is_the_twin_in_every_bit(models, tmp_path):
     config = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
-    core = flight_core(config)
+    core = make_core("INS_flight", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
     inputs = strange_inputs(core.system.input_ports, UPDATES)
     result = model.update(inputs)

@@ -5,7 +5,8 @@ import pytest
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.stimuli.flight import airliner, sensor_errors
 
-from strapdown.cores.sins import SINS, SINS_DAMPED, sins_core, sins_top
+from strapdown.config import SINS, SINS_DAMPED
+from strapdown.cores import make_core, sins_top
 from strapdown.export import write_core
 from strapdown.fp import BINARY32, Subnormals
 from strapdown.kernel.pool import Pool
@@ -54,7 +55,7 @@ def stimulus(system):
 
 @pytest.mark.parametrize("config", [SINS, SINS_DAMPED], ids=lambda config: config.name)
 def test_ports(config):
-    core = sins_core(config)
+    core = make_core("SINS_top", config)
     flow = {port: member.flow.name for port, member in core.signature.members.items()}
     inputs = INPUTS | ({"in_altitude"} if config.damping_s else set())
     assert flow == dict.fromkeys({"clk", "rst_n", "in_data_en"} | inputs, "In") | dict.fromkeys(
@@ -65,7 +66,7 @@ def test_ports(config):
 
 def test_an_update_is_done_long_before_the_next_sample_at_1_khz():
     # At 100 MHz.
-    assert sins_core(SINS_DAMPED).latency < 100_000 / 100
+    assert make_core("SINS_top", SINS_DAMPED).latency < 100_000 / 100
 
 
 def test_a_rate_that_turns_too_far_is_refused():
@@ -77,7 +78,7 @@ def test_a_rate_that_turns_too_far_is_refused():
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
 def test_circuit_is_the_twin_in_every_bit(models, tmp_path, config):
     config = config.model_copy(update={"alignment_samples": ALIGNMENT})
-    core = sins_core(config)
+    core = make_core("SINS_top", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
     inputs = stimulus(core.system)
     result = model.update(inputs)

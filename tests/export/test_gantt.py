@@ -1,10 +1,10 @@
 from strapdown.config import THESIS
-from strapdown.cores import attitude_core
+from strapdown.cores import make_core
 from strapdown.export.gantt import schedule_picture, schedule_summary
 
 
 def schedule_of(name):
-    return attitude_core(name, THESIS).engine.program.schedule
+    return make_core(name, THESIS).engine.program.schedule
 
 
 def test_summary_tells_length_bounds_and_critical_path():

@@ -17,6 +17,7 @@ def interpret(program, inputs, memory, bank, fresh):
     """Run the words of a program on a memory of encodings, in place; inputs are numbers."""
     units = {unit.name: unit for unit in program.units}
     lead = program.schedule.pool.memory_delay - 1  # the address of an operand stands in an earlier word
+    ports = dict(zip(program.schedule.graph.inputs, FORMAT.array(inputs), strict=True))
     coming = {}  # (unit, cycle) to the result that comes out then
     for cycle, word in enumerate(program.words):
         def physical(address):
@@ -25,9 +26,10 @@ def interpret(program, inputs, memory, bank, fresh):
         def stored(address):
             return FORMAT.from_bits(memory[physical(address)])
 
-        coming["input", cycle] = FORMAT.array(inputs[word.get("input", 0)])
         write = word.get("write", {})
         bus = coming.get((program.sources[write.get("source", 0)], cycle))
+        name = program.other_sources[word.get("other", 0)]
+        coming["other", cycle + 1] = ports[name] if name in ports else coming.get((name, cycle))
 
         def operand(port, side, cycle=cycle, bus=bus):
             fields, early = (program.words[c].get(port, {}).get(side, {}) for c in (cycle, cycle - lead))

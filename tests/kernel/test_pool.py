@@ -3,9 +3,19 @@ import pytest
 from strapdown.kernel.pool import Pool
 
 
-def test_every_operation_of_a_kernel_has_one_unit():
-    operations = [operation for unit in Pool().units for operation in unit.operations]
-    assert sorted(operations) == ["add", "atan2", "copy", "divide", "multiply", "select", "sqrt"]
+def test_every_operation_of_a_kernel_has_its_units():
+    pool = Pool(adders=2, dividers=3)
+    assert {operation: [unit.name for unit in units] for operation, units in pool.operations.items()} == {
+        "add": ["adder_0", "adder_1"], "multiply": ["multiplier"], "atan2": ["arctangent"],
+        "divide": ["divider_0", "divider_1", "divider_2"], "sqrt": ["divider_0", "divider_1", "divider_2"],
+        "select": ["selector"], "copy": ["selector"]}
+    assert "atan2" not in Pool(arctangents=0).operations
+
+
+@pytest.mark.parametrize(("field", "least"), [("adders", 1), ("multipliers", 1), ("dividers", 1), ("arctangents", 0)])
+def test_counts_are_checked(field, least):
+    with pytest.raises(ValueError, match=f"^{field} must be at least {least}, not {least - 1}$"):
+        Pool(**{field: least - 1})
 
 
 @pytest.mark.parametrize("field", ["adder_latency", "multiplier_latency", "divider_bits_per_cycle",

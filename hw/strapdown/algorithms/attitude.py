@@ -54,10 +54,10 @@ def rate_correction(xp, g, e_a, e_m, i, kp, ki_period):
     """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.31.
 
     Returns (omega, i). omega takes the old i and the gain Kp + Ki·T, which is the same and does
-    not wait for the new one; e_m comes last of all.
+    not wait for the new one; e_a, which waits for a root and a division, comes last of all.
     """
     omega = add(scale(1 / DEGREES, g), i)
-    for e in e_a, e_m:
+    for e in e_m, e_a:
         omega = add(omega, scale(kp + ki_period, e))
     return omega, add(i, scale(ki_period, add(e_a, e_m)))
 

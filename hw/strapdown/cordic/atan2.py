@@ -378,13 +378,15 @@ class CordicAtan2(CordicComponent):
     def _prepare(self, m, s):
         """Exchange the operands if need be, and find first index, exponent and alignment."""
         fmt = self._format
-        difference = s.x_exponent - s.y_exponent
+        # Both differences at once: this is the longest path of the whole operator.
+        difference, reverse = s.x_exponent - s.y_exponent, s.y_exponent - s.x_exponent
         swap, distance = Signal(name="exchanged"), Signal(range(fmt.exponent_special + fmt.precision))
-        m.d.comb += [swap.eq(difference < 0), distance.eq(Mux(swap, -difference, difference))]
+        m.d.comb += [swap.eq(difference < 0), distance.eq(Mux(swap, reverse, difference))]
         if self._magnitude:
             m.d.comb += swap.eq((difference < 0) | s.x_is_zero)
         first = Signal(range(self._last + 1))
-        m.d.comb += first.eq(Mux(distance < self._last, distance, self._last))
+        near = Mux(swap, reverse < self._last, difference < self._last)
+        m.d.comb += first.eq(Mux(near, distance, self._last))
         if self._magnitude:
             # The length is then x as it is.
             with m.If(s.y_is_zero | s.x_is_zero):

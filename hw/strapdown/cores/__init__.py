@@ -1,4 +1,8 @@
 """The Verilog tops with their published ports."""
 
 from .attitude import *
+from .catalogue import *
 from .core import *
+from .flight import *
+from .quaternion import *
+from .sins import *

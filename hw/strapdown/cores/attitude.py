@@ -6,9 +6,7 @@ from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
 from strapdown.kernel.system import System
 
-from .core import Core
-
-__all__ = ["ATTITUDE_CORES", "attitude_core"]
+__all__ = ["ATTITUDE_CORES"]
 
 
 def _vector(pattern, names="xyz"):
@@ -158,9 +156,4 @@ def ins_top(config):
 
 ATTITUDE_CORES = {"INS_acc": ins_acc, "INS_mag": ins_mag, "INS_gyro": ins_gyro, "INS_quat": ins_quat,
                   "INS_matx": ins_matx, "INS_euler": ins_euler, "INS_atan": ins_atan, "INS_top": ins_top}
-"""Module name to the function that makes its System for a configuration."""
-
-
-def attitude_core(name, config):
-    """The core ``name`` for an AttitudeConfig: a Core, ready to be elaborated."""
-    return Core(ATTITUDE_CORES[name](config), config.pool)
+"""Module name to the function that makes its System for an AttitudeConfig."""

@@ -20,6 +20,10 @@ class Core(wiring.Component):
         Equations, and the names of all ports but clock and reset.
     pool : Pool
         Operators of the engine.
+    engine : type
+        Kind of engine.
+    **parameters
+        What else it takes.
 
     Members
     -------
@@ -30,8 +34,8 @@ class Core(wiring.Component):
     Latency: ``latency`` clock cycles, the same in every update.
     """
 
-    def __init__(self, system, pool):
-        self._engine = Engine(system, pool)
+    def __init__(self, system, pool, *, engine=Engine, **parameters):
+        self._engine = engine(system, pool, **parameters)
         super().__init__({"clk": In(1), "rst_n": In(1), **self._engine.signature.members})
 
     @property

@@ -5,9 +5,7 @@
 from strapdown.algorithms import attitude, flight
 from strapdown.kernel.system import System
 
-from .core import Core
-
-__all__ = ["STATUS", "flight_core", "ins_flight"]
+__all__ = ["FLIGHT_CORES", "ins_flight"]
 
 STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
           "range_exceeded")
@@ -82,6 +80,5 @@ def ins_flight(config):
         status_port="out_status")
 
 
-def flight_core(config):
-    """INS_flight for a FlightConfig: a Core, ready to be elaborated."""
-    return Core(ins_flight(config), config.pool)
+FLIGHT_CORES = {"INS_flight": ins_flight}
+"""Module name to the function that makes its System for a FlightConfig."""

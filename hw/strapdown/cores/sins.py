@@ -3,57 +3,17 @@
 """SINS_top: strapdown inertial navigation from body rates and specific force (source 002)."""
 
 import math
-from typing import Literal
-
-import pydantic
-from pydantic import BaseModel, ConfigDict, Field
 
 from strapdown.algorithms import sins
 from strapdown.algorithms.quaternion import polynomial
 from strapdown.design import METHODS
-from strapdown.fp import BINARY64, Subnormals
-from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System, leaves
 
-from .core import Core
-
-__all__ = ["SINS", "SINS_CONFIGS", "SINS_DAMPED", "SinsConfig", "sins_core", "sins_top"]
+__all__ = ["SINS_CORES", "sins_top"]
 
 EARTHS = {"source": sins.SOURCE_EARTH, "wgs84": sins.WGS84}
 ORDER = 3
 """Order of the attitude's polynomials: at 50 Hz and 400 deg/s they turn by 1e-14 rad too far in an update."""
-
-
-class SinsConfig(BaseModel):
-    """Parameters of SINS_top."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
-
-    name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="name of the configuration, and of its output folder")
-    description: str = Field(description="one line for people")
-    sample_rate_hz: float = Field(gt=0, le=1000, allow_inf_nan=False, description="samples per second, 1/T")
-    earth: Literal["source", "wgs84"] = Field(default="source", description="constants of the earth")
-    alignment_samples: int = Field(default=3000, ge=2, le=1_000_000,
-                                   description="samples that a coarse alignment averages")
-    damping_s: float = Field(default=0, ge=0, le=1e5, allow_inf_nan=False,
-                             description="time constant of the vertical loop, s; 0: free, without altitude input")
-    rate_max_deg_s: float = Field(default=400, gt=0, allow_inf_nan=False,
-                                  description="largest rate, for which coefficients are designed; beyond: out of range")
-    force_max_m_s2: float = Field(default=160, gt=0, allow_inf_nan=False,
-                                  description="largest specific force; beyond: out of range")
-    pool: pydantic.InstanceOf[Pool] = Field(default=Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH)),
-                                            description="operators of the engine")
-
-    @property
-    def period_s(self):
-        """Sample period T in seconds."""
-        return 1 / self.sample_rate_hz
-
-
-SINS = SinsConfig(name="sins", description="50 Hz, free vertical channel", sample_rate_hz=50)
-SINS_DAMPED = SinsConfig(name="sins_damped", description="50 Hz, vertical channel damped by an altitude, 100 s",
-                         sample_rate_hz=50, damping_s=100)
-SINS_CONFIGS = {config.name: config for config in (SINS, SINS_DAMPED)}
 
 MEANINGS = {
     "omega": "angular rate against inertial space, body axes (right, forward, up), rad/s, mean over the sample period",
@@ -125,6 +85,5 @@ def sins_top(config):
         status=("aligning", "navigating", "out_of_range"), status_port="out_status")
 
 
-def sins_core(config):
-    """SINS_top for a SinsConfig: a Core, ready to be elaborated."""
-    return Core(sins_top(config), config.pool)
+SINS_CORES = {"SINS_top": sins_top}
+"""Module name to the function that makes its System for a SinsConfig."""

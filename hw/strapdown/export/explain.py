@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 
-__all__ = ["microprogram_listing", "explain_cycle", "explain_line"]
+__all__ = ["explain_cycle", "explain_line", "kernel_line", "microprogram_listing"]
 
 
 def microprogram_listing(program):

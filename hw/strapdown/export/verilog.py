@@ -9,9 +9,11 @@ from textwrap import wrap
 
 from amaranth.back import verilog
 
+from strapdown.kernel.stream import StreamEngine
 from strapdown.kernel.system import leaves
 
 from .explain import microprogram_listing
+from .stream import stream_facts, stream_listing, stream_meanings, stream_timing
 from .tidy import tidy
 
 __all__ = ["verilog_text", "description", "write_core"]
@@ -42,15 +44,20 @@ def header(core, config):
     lines += ["", "CONFIGURATION", *table(sorted(configuration(config).items())), "", "PORTS",
               *table((port["name"], f"{port['direction']} {port['width']}", port["meaning"]) for port in ports(core)),
               "", "TIMING"]
-    lines += paragraph(
-        f"{system.start} is sampled at the rising edge of clk while the core is idle, together with all inputs, "
-        f"which may change afterwards. {system.finish} falls at that edge and rises {core.latency} cycles later, in "
-        "every update, with all outputs, which then hold. A new start can be taken at the next edge.")
-    lines += ["", "SEQUENCER (engine.state)", *table(
-        (str(index), name, span) for index, (name, span) in enumerate(_states(engine)))]
+    if isinstance(engine, StreamEngine):
+        lines += paragraph(stream_timing(core))
+        listing = stream_listing(program)
+    else:
+        lines += paragraph(
+            f"{system.start} is sampled at the rising edge of clk while the core is idle, together with all inputs, "
+            f"which may change afterwards. {system.finish} falls at that edge and rises {core.latency} cycles later, "
+            "in every update, with all outputs, which then hold. A new start can be taken at the next edge.")
+        lines += ["", "SEQUENCER (engine.state)", *table(
+            (str(index), name, span) for index, (name, span) in enumerate(_states(engine)))]
+        listing = microprogram_listing(program)
     lines += ["", "OPERATORS", *table(
         (unit.name, f"latency {unit.latency}, interval {unit.interval}", ", ".join(unit.operations))
-        for unit in program.units), "", "MICROPROGRAM", *("  " + line for line in microprogram_listing(program))]
+        for unit in program.units), "", "MICROPROGRAM", *("  " + line for line in listing)]
     return comment(lines)
 
 
@@ -86,6 +93,8 @@ def ports(core):
     system, width = core.system, core.engine.program.format.width
     meaning = {"clk": "clock, rising edge", "rst_n": "reset, active low, asynchronous",
                system.start: "starts an update", system.finish: "high when the outputs are valid"}
+    if isinstance(core.engine, StreamEngine):
+        meaning |= stream_meanings(system)
     for group in (system.inputs, system.outputs):
         for name, tree in group.items():
             meaning |= dict.fromkeys(leaves(tree), system.meanings.get(name, ""))
@@ -119,16 +128,17 @@ def description(core, config, command):
     """
     engine = core.engine
     program = engine.program
+    machine = stream_facts(core) if isinstance(engine, StreamEngine) else {
+        "states": list(engine.state_names), "operand_memory_words": program.used}
     return {
         "module": core.system.name,
         "description": core.system.title,
         "configuration": configuration(config),
         "latency_cycles": core.latency,
         "ports": ports(core),
-        "states": list(engine.state_names),
+        **machine,
         "status_bits": list(engine.status_names),
         "operations": program.schedule.graph.count(),
-        "operand_memory_words": program.used,
         "microprogram": {"words": program.length, "width": program.layout.size},
         "versions": versions(),
         "command_line": command,

@@ -174,7 +174,9 @@ class Engine(wiring.Component):
                 m.d.comb += getattr(component, mode).eq(chosen)
 
         # Result bus: one result a cycle, to the memory and to whoever waits for it.
-        results["input"] = Array(captured)[word.input] if len(captured) > 1 else captured[0]
+        results |= dict(zip(graph.inputs, captured, strict=True))
+        results["other"] = other = Signal(number, name="other", reset_less=True)
+        m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
         with m.Switch(word.write.source):
             for index, source in enumerate(program.sources):
                 with m.Case(index):
@@ -193,11 +195,12 @@ class Engine(wiring.Component):
                          sign_read.addr.eq(word.condition.address), components["selector"].condition.eq(condition)]
             m.d.sync += condition.eq(sign_read.data ^ word.condition.negate)
 
-        def written(node):
-            """Whether a node's value is on the bus, on its way to memory."""
+        def written(node, name):
+            """Whether a node's value is on the bus, on its way to memory: found out a cycle before."""
+            arrives = Signal(name=f"{name}_arrives")
             address = program.addresses[node]
-            turned = C(address, word.write.address.shape())
-            return writes & (word.write.address == (turned ^ bank if address < program.state_words else turned))
+            m.d.sync += arrives.eq(running & ~last & fetched.write.enable & (fetched.write.address == address))
+            return arrives
 
         # Outputs wait beside the stage; END shows them all at once, and turns the banks.
         commit = Signal()
@@ -205,7 +208,7 @@ class Engine(wiring.Component):
         m.d.comb += commit.eq(ending & ~refused)
         for port, node in graph.outputs.items():
             waiting = Signal(program.format.width, name=f"{port}_d", reset_less=True)
-            with m.If(written(node)):
+            with m.If(written(node, port)):
                 m.d.sync += waiting.eq(bus)
             with m.If(commit):
                 m.d.sync += getattr(self, port).eq(waiting)
@@ -222,7 +225,7 @@ class Engine(wiring.Component):
             status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
             for name, shown in graph.status.items():
                 flag = Signal(name=name)
-                with m.If(written(shown.node)):
+                with m.If(written(shown.node, name)):
                     m.d.sync += flag.eq(bus.sign ^ shown.negated)
                 with m.If(ending):
                     m.d.sync += status[name].eq(flag & ~refused)

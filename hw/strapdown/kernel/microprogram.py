@@ -47,9 +47,15 @@ class Microprogram:
 
     @cached_property
     def sources(self):
-        """What can be put on the result bus: the units' names, and "input"."""
-        seen = {step.unit for step in self.schedule.steps if self.schedule.on_bus(step)}
-        return tuple(name for name in (*(unit.name for unit in self.units), "input") if name in seen)
+        """What can be put on the result bus: the direct units' names, and "other"."""
+        seen = {step.unit if step.unit in self.schedule.direct else "other"
+                for step in self.schedule.steps if self.schedule.on_bus(step)}
+        return tuple(name for name in (*(unit.name for unit in self.units), "other") if name in seen)
+
+    @cached_property
+    def other_sources(self):
+        """What can be registered on the way to the bus: the other units' names, and the input ports."""
+        return (*(unit.name for unit in self.units if not unit.direct), *self.schedule.graph.inputs)
 
     @cached_property
     def operand_sources(self):
@@ -152,11 +158,10 @@ class Microprogram:
             fields["mode"] = data.StructLayout(dict.fromkeys(modes, 1))
         if any(unit.name == "selector" for unit in self.units):
             fields["condition"] = data.StructLayout({"address": address, "negate": 1})
-        inputs = unsigned(max(1, (len(self.schedule.graph.inputs) - 1).bit_length()))
         fields |= {
             "write": data.StructLayout({"enable": 1, "restore": 1, "address": address,
                                         "source": unsigned((len(self.sources) - 1).bit_length())}),
-            "input": inputs,
+            "other": unsigned(max(1, (len(self.other_sources) - 1).bit_length())),
             "advance": 1,
         }
         return data.StructLayout(fields)
@@ -177,12 +182,15 @@ class Microprogram:
         for step in self.schedule.steps:
             issue, write = words[step.issue], words[step.write]
             if self.schedule.on_bus(step):
-                write["write"] = {"source": self.sources.index(step.unit)}
+                direct = step.unit in self.schedule.direct
+                write["write"] = {"source": self.sources.index(step.unit if direct else "other")}
+                if not direct:
+                    name = step.node.label if step.unit == "input" else step.unit
+                    words[step.write - 1]["other"] = self.other_sources.index(name)
             if step.stored:
                 write["write"] |= {"enable": 1, "restore": int(step.node.operation == "state"),
                                    "address": self.addresses[step.node]}
             if step.unit == "input":
-                issue["input"] = graph.inputs.index(step.node.label)
                 continue
             unit = units[step.unit]
             issue.setdefault("start", {})[unit.name] = 1

@@ -35,8 +35,9 @@ class Unit:
         Members that take the first and second operand.
     modes : dict
         Kernel operation to the member that is high for it.
-    forwards : bool
-        Whether its results can be operands of the next operation as they come out.
+    direct : bool
+        Whether its results go straight to the result bus, and can be operands as they come out. Those of
+        the others, which are seldom used, are registered once more on the way.
     latency, interval : int
         Cycles from start to result, and between two starts.
     """
@@ -47,7 +48,7 @@ class Unit:
     read_port: int
     operands: tuple[str, str] = ("a", "b")
     modes: dict[str, str] = field(default_factory=dict)
-    forwards: bool = False
+    direct: bool = False
     latency: int = field(init=False)
     interval: int = field(init=False)
 
@@ -95,13 +96,13 @@ class Pool:
 
     format: FloatFormat = FLUSHED32
     adders: int = 1
-    adder_latency: int = 4
+    adder_latency: int = 5
     multipliers: int = 1
-    multiplier_latency: int = 3
-    dividers: int = 1
-    divider_bits_per_cycle: int = 2
+    multiplier_latency: int = 2
+    dividers: int = 2
+    divider_bits_per_cycle: int = 1
     arctangents: int = 1
-    arctangent_steps_per_cycle: int = 2
+    arctangent_steps_per_cycle: int = 1
     forwarding: bool = True
     private_ports: bool = True
     operand_memory: MemoryStyle = MemoryStyle.DISTRIBUTED
@@ -149,7 +150,7 @@ class Pool:
 
     def _pipelined(self, name, operation, count, first_port, make):
         twin = make().compute
-        return [Unit(unit, make, {operation: twin}, read_port=self._port(first_port + index), forwards=self.forwarding)
+        return [Unit(unit, make, {operation: twin}, read_port=self._port(first_port + index), direct=True)
                 for index, unit in enumerate(_numbered(name, count))]
 
     def _port(self, index):

@@ -19,8 +19,8 @@ class Step:
     ``unit`` is the unit that computes it; "input" for an input port, put on the result bus as
     it is; for a state word, the unit that puts its reset value back (written only in the first
     update after a reset). In cycle ``issue`` its operands are fetched, from memory or straight
-    from the unit whose result is there in that very cycle; ``write`` is the cycle in which its
-    own result is there. ``stored`` tells whether it then goes over the result bus into memory.
+    from where a result comes out in that very cycle; ``write`` is the cycle in which its own result
+    can be on the result bus. ``stored`` tells whether it then goes into memory.
     """
 
     node: Node
@@ -75,7 +75,7 @@ class Schedule:
     @cached_property
     def direct(self):
         """Names of the units whose results can be operands without the result bus."""
-        return {unit.name for unit in self.pool.units if unit.forwards}
+        return {unit.name for unit in self.pool.units if unit.direct}
 
     def on_bus(self, step):
         """Whether a step's result goes over the result bus."""
@@ -137,7 +137,7 @@ class Schedule:
         last: dict[str, int] = {}
         for step in self.steps:
             if step.unit in units:
-                assert step.write == step.issue + units[step.unit].latency + 1, f"{step} is not there then"
+                assert step.write == step.issue + _delay(units[step.unit]), f"{step} is not there then"
             for position, operand in enumerate(step.node.operands):
                 if operand.node.operation != "constant":
                     wait = step.issue - written[operand.node]
@@ -217,6 +217,11 @@ def _stored(graph, places):
     return [Step(step.node, step.unit, step.issue, step.write, step.node in fetched) for step in places.values()]
 
 
+def _delay(unit):
+    """Cycles from the issue of an operation to its result on the bus."""
+    return 1 + unit.latency + (not unit.direct)
+
+
 def _kept(graph):
     """Nodes that somebody looks for in memory when the update is over."""
     return {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
@@ -240,7 +245,7 @@ class _Table:
         self.units = {node: pool.operations.get("copy" if node.operation == "state" else node.operation, [])
                       for node in self.nodes}
         # Cycles from a node's issue to its result.
-        self.delay = {node: units[0].latency + 1 if units else 0 for node, units in self.units.items()}
+        self.delay = {node: _delay(units[0]) if units else 1 for node, units in self.units.items()}
         self.operands = {
             node: [(operand.node, _from_memory(position, operand)) for position, operand in enumerate(node.operands)
                    if operand.node.operation != "constant"] for node in self.nodes}

@@ -1,0 +1,101 @@
+"""A core for several channels in Verilator: samples with a channel in, results with a channel out."""
+
+import numpy as np
+
+from .verilated import Interface, VerilatedModel
+
+__all__ = ["RESET", "StreamModel"]
+
+RESET = -1
+"""In place of a number of idle cycles: the core is reset, and there is no sample."""
+
+
+class StreamModel:
+    """A generated core for several channels, Verilated.
+
+    Parameters
+    ----------
+    core : strapdown.cores.Core
+        The core that the file was made from, its engine a StreamEngine.
+    verilog : Path
+        Its Verilog file.
+    build : Path
+        Folder for compiled models.
+    """
+
+    def __init__(self, core, verilog, build):
+        self.core = core
+        system, program = core.system, core.engine.program
+        self._format = program.format
+        self._state = dict(program.schedule.graph.state)
+        engine = f"{system.name}__DOT__engine__DOT__"
+        # Of the channel that finishes: its bank is turned by then, and cannot be turned again so soon.
+        probes = {name: (f"{system.name}_engine", variable, f"{engine}{variable} >> dut->out_channel & 1")
+                  for name, variable in (("bank", "banks"), ("fresh", "freshness"))}
+        bank = f"(dut->rootp->{probes['bank'][2]})"
+        probes |= {word: (f"{system.name}_engine", "main_memory",
+                          f"{engine}main_memory[{address} + 2 * dut->out_channel + {bank}]")
+                   for word, address in program.state.items()}
+        self._model = VerilatedModel(verilog, Interface(
+            system.name, (*system.input_ports, "in_channel"), (*system.output_ports, "out_channel", system.status_port),
+            start=system.start, finish=system.finish, ready="in_ready", probes=probes), build)
+
+    def update(self, channels, inputs, idle=0, *, progress=None):
+        """One update a sample, in order, from reset; each is offered until it is taken.
+
+        Parameters
+        ----------
+        channels : ndarray of int
+            Channel of each sample, shape (N,).
+        inputs : dict
+            Input port to numbers, shape (N,), in the port's unit; rounded to the core's format.
+        idle : int or ndarray of int
+            Cycles without an offer before each sample, or ``RESET``.
+        progress : callable or None
+            Called with the number of updates done, now and then.
+
+        Returns
+        -------
+        dict
+            A row for each finish: output port and state word, of that channel, to arrays of the format's dtype as they
+            stand then; ``out_channel``, the status port, the ``row`` of the sample, and the numbers of the
+            clock edges that had it ``taken`` and ``finished`` to integers.
+        """
+        fmt, system = self._format, self.core.system
+        with np.errstate(all="ignore"):
+            bits = {port: fmt.to_bits(inputs[port]) for port in system.input_ports}
+        answer = self._model.offer(bits | {"in_channel": np.asarray(channels)},
+                                   np.broadcast_to(idle, np.shape(channels)), progress=progress)
+        numbers = (*system.output_ports, *self._state)
+        for word, reset in self._state.items():
+            answer[word] = np.where(answer["fresh"] == 1, fmt.encode(reset), answer[word])
+        return {name: fmt.from_bits(values.astype(fmt.bits_dtype)) if name in numbers else values.astype(int)
+                for name, values in answer.items()}
+
+    def differing_bits(self, inputs, result, resets=()):
+        """How many bits of ``result``, as ``update`` gave it, differ from the software twin.
+
+        Each update is computed again by the twin from the state that the circuit held of that channel after
+        its update before, all updates at once; the first ones, and those after a row in ``resets``, start from
+        the reset state. If no bit differs, the circuit ran as one twin a channel.
+        """
+        fmt, system = self._format, self.core.system
+        channel, epoch = result["out_channel"], np.searchsorted(np.asarray(resets, dtype=int), result["row"])
+        before: dict = {word: np.full(len(channel), fmt.array(value)) for word, value in self._state.items()}
+        for own in set(zip(channel.tolist(), epoch.tolist(), strict=True)):
+            rows = np.flatnonzero((channel == own[0]) & (epoch == own[1]))
+            for word, values in before.items():
+                values[rows[1:]] = result[word][rows[:-1]]
+        taken = {port: np.asarray(values)[result["row"]] for port, values in inputs.items()}
+        twin = system.update_twin(self.core.engine.program.schedule.pool, taken, before)
+        refused, count = twin["refused"], 0
+        for name in (*system.output_ports, *self._state):
+            # Outputs hold what the update before, of any channel, has shown; zero after a reset.
+            held = before.get(name, np.concatenate(([fmt.array(0)], result[name][:-1])))
+            if name not in before:
+                held[np.flatnonzero(np.diff(epoch, prepend=-1))] = 0
+            expected = np.where(refused, held, twin[name])
+            count += int(np.bitwise_count(fmt.to_bits(expected) ^ fmt.to_bits(result[name])).sum())
+        expected = sum(((twin[name] & ~refused) if name != "refused" else refused).astype(int) << bit
+                       for bit, name in enumerate(self.core.engine.status_names))
+        return count + int(np.bitwise_count(expected ^ result[system.status_port]).sum())

@@ -1,0 +1,1 @@
+"""What operators and cores cost, beside the best public ones: measured, tabulated, drawn."""

@@ -1,0 +1,52 @@
+# amaranth: UnusedElaboratable=no
+# A core is made for its latency, and elaborated when its turn comes.
+"""Which cores are reported, and that a simulated core takes the cycles that it says it takes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from strapdown.config import CONFIGS
+from strapdown.cores import Core, main_module, make_core
+
+from ..drivers.core import CoreModel
+
+__all__ = ["CORES", "CoreEntry", "simulated_cycles"]
+
+
+@dataclass(frozen=True)
+class CoreEntry:
+    """A core in one configuration."""
+
+    module: str
+    config: Any
+    make: Callable[[], Core]
+
+
+CORES = tuple(CoreEntry(main_module(config), config, partial(make_core, main_module(config), config))
+              for config in CONFIGS.values())
+
+
+def simulated_cycles(core, verilog, build):
+    """Cycles of an update, counted in Verilator: random numbers, zeros and NaN as inputs.
+
+    Parameters
+    ----------
+    core : Core
+    verilog : Path
+        Its Verilog file.
+    build : Path
+        Folder for compiled models.
+
+    Raises: RuntimeError if they depend on the data.
+    """
+    numbers = np.random.default_rng(20150601).standard_normal((16, len(core.system.input_ports)))
+    numbers[8], numbers[12] = 0, np.nan
+    result = CoreModel(core, verilog, build).update(dict(zip(core.system.input_ports, numbers.T, strict=True)))
+    counts = sorted(set(result["cycles"].tolist()))
+    if len(counts) != 1:
+        raise RuntimeError(f"the cycles of {core.system.name} depend on its inputs: {counts}")
+    return counts[0]

@@ -1,0 +1,42 @@
+"""A report on disk: figures as JSON, tables as a Markdown page, pictures."""
+
+import json
+
+from .plots import core_plot, operator_plot
+from .tables import anchor_table, core_table, flow_lines, operator_tables
+
+__all__ = ["write_cores", "write_operators", "write_page"]
+
+CORES_FILE, OPERATORS_FILE, PAGE = "cores.json", "operators.json", "report.md"
+CORE_PICTURE, OPERATOR_PICTURE = "cores.png", "operators.png"
+
+
+def write_operators(directory, report):
+    """Write operators.json and, if they were placed and routed, operators.png."""
+    _write(directory / OPERATORS_FILE, report)
+    if "ecp5" in report:
+        operator_plot(directory / OPERATOR_PICTURE, report)
+
+
+def write_cores(directory, report):
+    """Write cores.json and, if they were placed and routed, cores.png."""
+    _write(directory / CORES_FILE, report)
+    if "ecp5" in report:
+        core_plot(directory / CORE_PICTURE, report)
+
+
+def _write(path, report):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n")
+
+
+def write_page(directory, *, cores=None, operators=None):
+    """Write the page with the tables of the reports that are there; returns its path."""
+    parts = ["# Report"]
+    if cores:
+        parts += ["## Cores", core_table(cores), "Public cores, for comparison:", anchor_table(), flow_lines(cores)]
+    if operators:
+        parts += ["## Operators", operator_tables(operators), flow_lines(operators)]
+    path = directory / PAGE
+    path.write_text("\n\n".join(parts) + "\n")
+    return path

@@ -1,0 +1,95 @@
+"""Measured figures as Markdown tables, ours beside the best public ones."""
+
+from itertools import groupby
+
+from .anchors import CORE_ANCHORS, best_known
+
+__all__ = ["anchor_table", "core_table", "flow_lines", "operator_tables"]
+
+
+def _table(head, rows):
+    """A Markdown table; a head that ends in a colon is aligned right."""
+    rule = ["---:" if cell.endswith(":") else "---" for cell in head]
+    lines = [[cell.removesuffix(":") for cell in head], rule, *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def operator_tables(report, operators=None):
+    """A table for each operator of ``operators.json``, under a heading; all operators, or those named."""
+    parts = []
+    for name, group in groupby(report["operators"], key=lambda row: row["operator"]):
+        if operators is None or name in operators:
+            parts += [f"### {name[0].upper()}{name[1:]}", _operator_table(list(group))]
+    return "\n\n".join(parts)
+
+
+def _operator_table(rows):
+    return _table(
+        ["component", "parameters", "latency:", "interval:", "LUT:", "FF:", "DSP:", "MHz, ECP5:",
+         "public, no slower: LUT / FF / DSP"],
+        [[f"`{row['component']}`", _parameters(row), row["latency"], row["interval"], row["xc7"]["lut"],
+          row["xc7"]["ff"], row["xc7"]["dsp"], _frequency(row), _best(row)] for row in rows])
+
+
+def _parameters(row):
+    """Formats, subnormals and parameters, but for the latency, which has a column."""
+    words = [" to ".join(row["formats"])] if row["formats"] else []
+    if row["subnormals"]:
+        words.append(row["subnormals"])
+    for name, value in row["parameters"].items():
+        if name == "latency":
+            continue
+        text = name.replace("_", " ")
+        words.append(text if value is True else f"{value} {text}" if value is not False else "pipelined")
+    return ", ".join(words)
+
+
+def _frequency(row):
+    return f"{row['ecp5']['fmax_mhz']:.0f}" if "ecp5" in row else "–"
+
+
+def _best(row):
+    best = best_known(row["operator"], latency=row["latency"], interval=row["interval"],
+                      gradual=row["subnormals"] == "gradual")
+    if best is None:
+        return "–"
+    return f"{best.lut} / {best.ff} / {best.dsp}; {best.design}, {best.latency} cycles"
+
+
+def core_table(report):
+    """The table of ``cores.json``."""
+    placed = all("ecp5" in row for row in report["cores"])
+    head = ["module", "configuration", "cycles:", "LUT:", "of these memory:", "FF:", "DSP:", "BRAM:", "MHz, ECP5:"]
+    rows = [[f"`{row['module']}`", f"`{row['config']}`", row["cycles"], f"{row['xc7']['lut']:,}",
+             row["xc7"]["memory_lut"], f"{row['xc7']['ff']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}",
+             _frequency(row)] for row in report["cores"]]
+    if placed:
+        head.append("µs an update:")
+        for cells, row in zip(rows, report["cores"], strict=True):
+            cells.append(f"{microseconds(row):.2f}")
+    return _table(head, rows)
+
+
+def microseconds(row):
+    """Time of an update at the core's frequency on the ECP5."""
+    return row["cycles"] / row["ecp5"]["fmax_mhz"]
+
+
+def anchor_table():
+    """The public attitude cores."""
+    def count(value):
+        return "–" if value is None else f"{value:,}"
+
+    return _table(["design", "what it computes", "LUT:", "FF:", "DSP:", "µs an update:", "figures"],
+                  [[anchor.design, anchor.algorithm, count(anchor.lut), count(anchor.ff), count(anchor.dsp),
+                    f"{anchor.microseconds:g}", anchor.basis] for anchor in CORE_ANCHORS])
+
+
+def flow_lines(report):
+    """How the figures of a report were made, a list item for each flow and one for the versions."""
+    lines = [f"- LUT, FF, DSP, BRAM: `{report['xc7']['command']}` (Xilinx 7 series)"]
+    if "ecp5" in report:
+        lines.append(f"- MHz: `{report['ecp5']['command']}`, median of seeds "
+                     + ", ".join(map(str, report["ecp5"]["seeds"])))
+    lines.append("- " + ", ".join(f"{name} {version}" for name, version in report["versions"].items()))
+    return "\n".join(lines)

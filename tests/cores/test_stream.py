@@ -1,0 +1,155 @@
+"""INS_top_x8: eight attitudes from one core, against one software twin a channel."""
+
+import re
+
+import numpy as np
+import pytest
+from strapdown_sim.drivers.stream import RESET, StreamModel
+
+from strapdown.config import ConfigError
+from strapdown.config.stream import STREAM_CONFIGS, THESIS_X8
+from strapdown.cores.stream import stream_core
+from strapdown.export import description, write_core
+
+SEED = 20151
+UPDATES = 20_000
+
+
+@pytest.fixture(scope="module")
+def core():
+    return stream_core(THESIS_X8)
+
+
+@pytest.fixture(scope="module")
+def verilog(core, tmp_path_factory):
+    return write_core(core, THESIS_X8, tmp_path_factory.mktemp("verilog"), "")
+
+
+@pytest.fixture(scope="module")
+def model(core, verilog, models):
+    return StreamModel(core, verilog, models)
+
+
+def samples(core, count, seed=SEED):
+    """Channels in any order, and numbers of all magnitudes that sensors have; one vector in twenty is zero."""
+    rng = np.random.default_rng(seed)
+    ports = core.system.input_ports
+    values = rng.standard_normal((count, len(ports))) * 10 ** rng.uniform(-4, 4, (count, 1))
+    for first in 0, 3:
+        values[rng.random(count) < 0.05, first:first + 3] = 0
+    return rng.integers(THESIS_X8.channels, size=count), dict(zip(ports, values.T, strict=True)), rng
+
+
+def in_order(result, channels):
+    return (channels[result["row"]] == result["out_channel"]).all() and (np.diff(result["row"]) > 0).all()
+
+
+def test_ports_are_those_of_ins_top_with_a_channel(core):
+    flow = {name: (member.flow.name, len(getattr(core, name))) for name, member in core.signature.members.items()}
+    inputs = {f"in_{sensor}{axis}" for sensor in ("acc", "mag", "gyro") for axis in "xyz"}
+    outputs = {f"out_c{row}{column}" for row in "123" for column in "123"} | {"out_pitch", "out_roll", "out_yaw"}
+    assert flow == (dict.fromkeys(("clk", "rst_n", "in_data_en"), ("In", 1)) | dict.fromkeys(inputs, ("In", 32))
+                    | dict.fromkeys(outputs, ("Out", 32)) | dict.fromkeys(("in_ready", "out_INS_finish"), ("Out", 1))
+                    | {"in_channel": ("In", 3), "out_channel": ("Out", 3), "out_status": ("Out", 3)})
+
+
+def test_file_explains_itself(core, verilog):
+    text = verilog.read_text()
+    header = text[:text.index("module ")]
+    for port in core.signature.members:
+        assert re.search(rf"^//   {port} ", header, re.MULTILINE), port
+    told = description(core, THESIS_X8, "")
+    assert told["latency_cycles"] == core.latency
+    assert told["interval_cycles"] == core.engine.interval == 110
+    assert told["channels"] == 8
+    assert list(STREAM_CONFIGS) == ["thesis_x8"]
+
+
+def test_bad_configurations_are_refused():
+    with pytest.raises(ConfigError, match=r"^configuration thesis_x8: channels must be a power of two, not 6$"):
+        THESIS_X8.replace(channels=6)
+    with pytest.raises(ValueError, match=r"^interval must be at least 10\d, as long as the .* is taken, not 90$"):
+        stream_core(THESIS_X8.replace(interval=90))
+
+
+@pytest.mark.verilator
+def test_any_order_any_subset_any_gap_is_the_twin_in_every_bit(model):
+    channels, inputs, rng = samples(model.core, UPDATES)
+    # Phases in which few channels send anything, and gaps longer and shorter than an update.
+    half = UPDATES // 2
+    channels[half:half + 2000] %= 2
+    idle = np.where(rng.random(UPDATES) < 0.3, rng.integers(3 * model.core.engine.interval, size=UPDATES), 0)
+    result = model.update(channels, inputs, idle)
+    assert len(result["row"]) == UPDATES
+    assert in_order(result, channels)
+    assert set(result["finished"] - result["taken"]) == {model.core.latency}
+    assert model.differing_bits(inputs, result) == 0
+
+
+@pytest.mark.verilator
+def test_refused_samples_leave_their_channel_alone(model):
+    count = 4000
+    channels, inputs, rng = samples(model.core, count, SEED + 1)
+    strange = np.array([np.nan, np.inf, -np.inf, 3e38, -1e30, 1e-30, 1e-40, 0.0, -0.0])
+    for values in inputs.values():
+        values[:] = np.where(rng.random(count) < 0.02, rng.choice(strange, count), values)
+    result = model.update(channels, inputs)
+    assert model.differing_bits(inputs, result) == 0
+    refused = result["out_status"] >> 2 & 1
+    assert 0 < refused.sum() < count
+    assert all(np.isfinite(result[name]).all() for name in (*model.core.system.output_ports, *model.core.system.reset))
+
+
+@pytest.mark.verilator
+def test_reset_at_any_time_starts_all_channels_anew(model):
+    count = 400
+    channels, inputs, rng = samples(model.core, count, SEED + 2)
+    idle = np.where(rng.random(count) < 0.2, rng.integers(500, size=count), 0)
+    resets = np.arange(19, count, 20)
+    idle[resets] = RESET
+    result = model.update(channels, inputs, idle)
+    assert count // 2 < len(result["row"]) < count - len(resets)
+    assert in_order(result, channels)
+    assert set(result["finished"] - result["taken"]) == {model.core.latency}
+    assert model.differing_bits(inputs, result, resets) == 0
+
+
+@pytest.mark.verilator
+def test_all_channels_in_turn_are_taken_without_a_pause(model):
+    count = 800
+    _, inputs, _ = samples(model.core, count, SEED + 3)
+    channels = np.arange(count) % 8
+    result = model.update(channels, inputs)
+    assert set(np.diff(result["taken"])) == set(np.diff(result["finished"])) == {model.core.engine.interval}
+    assert model.differing_bits(inputs, result) == 0
+
+
+@pytest.mark.verilator
+def test_one_channel_waits_for_itself(model):
+    count = 50
+    _, inputs, _ = samples(model.core, count, SEED + 4)
+    result = model.update(np.full(count, 5), inputs)
+    # Ready again at the first begin after its end.
+    waits = np.diff(result["taken"]) - model.core.latency
+    assert ((waits >= 0) & (waits < model.core.engine.interval)).all()
+    assert model.differing_bits(inputs, result) == 0
+
+
+@pytest.mark.verilator
+def test_a_sample_is_taken_at_once_after_a_pause(model):
+    # From the first begin without an update under way.
+    begin = -(-model.core.latency // model.core.engine.interval) * model.core.engine.interval
+    idle = np.arange(begin, begin + 250)
+    channels, inputs, _ = samples(model.core, len(idle), SEED + 6)
+    result = model.update(channels, inputs, idle)
+    assert (np.diff(result["taken"]) == idle[1:] + 1).all()
+    assert model.differing_bits(inputs, result) == 0
+
+
+@pytest.mark.verilator
+def test_differing_bits_are_counted(model):
+    channels, inputs, _ = samples(model.core, 40, SEED + 5)
+    result = model.update(channels, inputs)
+    assert model.differing_bits(inputs, result) == 0
+    result["q1"][20] = np.nextafter(result["q1"][20], np.float32(2))
+    assert model.differing_bits(inputs, result) >= 1

@@ -1,0 +1,95 @@
+"""Modulo scheduling: every resource is used once a cycle, whatever updates overlap."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from strapdown.config.stream import THESIS_X8
+from strapdown.cores.attitude import ins_acc, ins_top
+from strapdown.kernel.modulo import modulo_schedule
+
+POOL, INTERVAL = THESIS_X8.pool, THESIS_X8.interval
+
+
+@pytest.fixture(scope="module")
+def graph():
+    return ins_top(THESIS_X8).trace(POOL)
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A schedule of a small graph."""
+    return modulo_schedule(ins_acc(THESIS_X8).trace(POOL), POOL, 60)
+
+
+@pytest.fixture(scope="module")
+def schedule(graph):
+    return modulo_schedule(graph, POOL, INTERVAL)
+
+
+def test_updates_that_overlap_never_meet(schedule):
+    # Twelve updates are laid over each other, cycle by cycle, from the steps alone.
+    units = {unit.name: unit for unit in POOL.units}
+    taken = Counter()
+    for update in range(12):
+        for step in schedule.steps:
+            begin = update * INTERVAL + step.issue
+            taken[step.bus, update * INTERVAL + step.write] += 1
+            if step.unit != "input":
+                taken["multiply" if "multiply" in units[step.unit].operations else "others", begin] += 1
+                for cycle in range(begin, begin + units[step.unit].interval):
+                    taken[step.unit, cycle] += 1
+    assert set(taken.values()) == {1}
+
+
+def test_operands_are_written_before_they_are_read(schedule):
+    written = {step.node: step.write for step in schedule.steps}
+    for step in schedule.steps:
+        for operand in step.node.operands[:2]:
+            assert operand.node not in written or written[operand.node] + 2 <= step.issue
+
+
+def test_state_goes_to_the_main_memory(schedule, graph):
+    assert {schedule.bus[node] for node in graph.next_state.values()} == {"main"}
+
+
+def test_no_interval_is_shorter_than_the_multiplications(graph):
+    count = graph.count()["multiply"]
+    with pytest.raises(ValueError, match=rf"^interval must be at least {count}, as long as the .* is taken, not 60$"):
+        modulo_schedule(graph, POOL, 60)
+
+
+def test_a_second_adder_is_refused(graph):
+    with pytest.raises(ValueError, match=r"^pool must have one adder, not 2$"):
+        modulo_schedule(graph, replace(POOL, adders=2), INTERVAL)
+
+
+def test_equal_on_every_run(small):
+    again = modulo_schedule(small.graph, small.pool, small.interval)
+    assert again.steps == small.steps
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda step: {"issue": step.issue - 1, "write": step.write - 1}, "is used 2 times|cannot read .* after 1 cycles"),
+    (lambda step: {"write": step.write + 1}, "is not there when it is written"),
+    (lambda step: {"unit": "adder" if step.unit == "multiplier" else "multiplier"}, "cannot compute"),
+    (lambda step: {"bus": "nowhere"}, "cannot go over the nowhere bus"),
+])
+def test_a_step_out_of_place_is_found(small, change, message):
+    index, step = max(((index, step) for index, step in enumerate(small.steps) if step.unit == "multiplier"),
+                      key=lambda pair: pair[1].issue)
+    # Right before the operand can be read, so that one cycle earlier is one too early.
+    issue = max(small.written[operand.node] for operand in step.node.operands if operand.node in small.written) + 2
+    steps = list(small.steps)
+    placed = replace(step, issue=issue, write=issue + step.write - step.issue)
+    steps[index] = replace(placed, **change(placed))
+    with pytest.raises(AssertionError, match=message):
+        replace(small, steps=tuple(steps)).verify()
+
+
+def test_a_missing_and_a_doubled_step_are_found(small):
+    with pytest.raises(AssertionError, match="a node is missing"):
+        replace(small, steps=small.steps[1:]).verify()
+    with pytest.raises(AssertionError, match="scheduled twice"):
+        replace(small, steps=(*small.steps, small.steps[0])).verify()

@@ -1,0 +1,151 @@
+"""The words of the ROM, run by an interpreter that knows nothing but the documentation of ``StreamProgram``."""
+
+from collections import namedtuple
+
+import numpy as np
+import pytest
+
+from strapdown.config.stream import THESIS_X8
+from strapdown.cores.attitude import ins_top
+from strapdown.kernel.modulo import modulo_schedule
+from strapdown.kernel.stream_program import PLAIN, STATE, TURNED, StreamProgram
+
+POOL, CHANNELS, INTERVAL = THESIS_X8.pool, THESIS_X8.channels, THESIS_X8.interval
+FORMAT = POOL.format
+SYSTEM = ins_top(THESIS_X8)
+
+Update = namedtuple("Update", "channel bank fresh inputs")
+
+
+@pytest.fixture(scope="module")
+def program():
+    return StreamProgram(modulo_schedule(SYSTEM.trace(POOL), POOL, INTERVAL), CHANNELS)
+
+
+class Machine:
+    """Runs words for updates that begin one after another; what comes out of a unit is kept by its cycle."""
+
+    def __init__(self, program):
+        self.program = program
+        self.main, self.side = list(program.initial), [0] * program.side_depth
+        self.units = {unit.name: unit for unit in program.units}
+        self.coming = {}
+        self.buses = {}
+        # What was read from both memories in the cycle before.
+        self.operands = {(port, side): (0, 0) for port in program.read_ports for side in "ab"}
+
+    def run(self, begins):
+        """One cycle after another; ``begins`` has an Update or None for each begin."""
+        for cycle in range(self.program.length * len(begins)):
+            self.cycle(cycle, begins)
+
+    def address(self, fields, cycle, begins, *, to_be=False):
+        kind, address = fields["kind"], fields["address"]
+        # Settled in the cycle before: by the updates that are in each stage then, and its number's parity.
+        period = (cycle - 1) // self.program.length
+        if kind == PLAIN:
+            return address
+        if kind == TURNED:
+            return address ^ period % 2
+        update = begins[period - (kind - STATE)] if period >= kind - STATE else None
+        if update is None:
+            return None if to_be else address
+        if update.fresh and not to_be:
+            return address | self.program.upper
+        return address | update.channel << 1 | update.bank ^ to_be
+
+    def cycle(self, cycle, begins):
+        program, word = self.program, self.program.words[cycle % self.program.length]
+        begin = begins[cycle // program.length]
+        if begin is not None:
+            self.coming["input", cycle] = FORMAT.to_bits(begin.inputs[word.get("input", 0)])
+        for name in "main", "side":
+            if name in word:
+                source = program.sources[name][word[name]["source"]]
+                value = int(self.coming.get((source, cycle), 0x7FC00000))
+                self.buses[name, cycle] = value
+        for name, unit in self.units.items():
+            if not word.get("start", {}).get(name):
+                continue
+            values = []
+            for side in "ab":
+                fields = word[f"port{program.schedule.read_port(name)}"][side]
+                bits = self.operands[program.schedule.read_port(name), side][fields["side"]]
+                values.append(FORMAT.from_bits(bits ^ fields["negate"] << FORMAT.width - 1))
+            if name == "selector":
+                node = program.conditions[word["condition"]["index"]]
+                written = program.schedule.written[node]
+                last = max((c for c in range(cycle) if (c - written) % program.length == 0), default=None)
+                sign = 0 if last is None else self.buses[program.schedule.bus[node], last] >> FORMAT.width - 1
+                result = values[0] if sign != word["condition"]["negate"] else values[1]
+            else:
+                modes = {mode for mode in unit.modes.values() if word.get("mode", {}).get(f"{name}_{mode}")}
+                operation = next(operation for operation in unit.operations
+                                 if {unit.modes.get(operation)} - {None} == modes)
+                with np.errstate(all="ignore"):
+                    result = unit.operations[operation](*values[:1 if operation == "sqrt" else 2])
+            self.coming[name, cycle + 1 + unit.latency] = FORMAT.to_bits(result)
+        # No word is read and written in the same cycle, so it does not matter what comes first.
+        read = set()
+        for port in program.read_ports:
+            for side in "ab":
+                fields = word.get(f"port{port}", {}).get(side, {})
+                if "address" in fields:
+                    address = self.address(fields, cycle, begins)
+                    self.operands[port, side] = self.main[address], self.side[address % len(self.side)]
+                    following = program.words[(cycle + 1) % program.length][f"port{port}"][side]
+                    read.add(("side", address) if following["side"] else ("main", address))
+        for name, memory in ("main", self.main), ("side", self.side):
+            if name in word:
+                address = self.address(word[name], cycle, begins, to_be=True)
+                if address is not None:
+                    assert (name, address) not in read
+                    memory[address] = self.buses[name, cycle]
+
+
+def test_words_compute_what_the_twin_computes_while_updates_overlap(program):
+    rng = np.random.default_rng(7)
+    machine = Machine(program)
+    stages = program.schedule.stages
+    state = {}
+    begins, expected = [], []
+    running = []
+    for begin in range(24):
+        running = [channel for start, channel in running if begin - start < stages] if begin else []
+        choices = [channel for channel in range(CHANNELS) if channel not in running]
+        running = [(start, channel) for start, channel in zip(range(begin - len(running), begin), running, strict=True)]
+        if begin >= 20 or rng.random() < 0.2:
+            begins.append(None)
+            expected.append(None)
+            continue
+        channel = int(rng.choice(choices))
+        bank, values = state.get(channel, (0, None))
+        inputs = [FORMAT.array(value) for value in rng.standard_normal(9) * 10]
+        before = values or {word: FORMAT.array(value) for word, value in SYSTEM.reset.items()}
+        twin = SYSTEM.update_twin(POOL, dict(zip(SYSTEM.input_ports, inputs, strict=True)), before)
+        begins.append(Update(channel, bank, values is None, inputs))
+        expected.append(twin)
+        state[channel] = 1 - bank, {word: twin[word] for word in SYSTEM.reset}
+        running.append((begin, channel))
+    machine.run(begins)
+    for begin, twin in enumerate(expected):
+        if twin is not None:
+            for port, node in program.schedule.graph.outputs.items():
+                cycle = begin * program.length + program.schedule.written[node]
+                assert machine.buses[program.schedule.bus[node], cycle] == FORMAT.to_bits(twin[port]), (begin, port)
+    for channel, (bank, values) in state.items():
+        for word, value in values.items():
+            address = program.state[word] + 2 * channel + bank
+            assert machine.main[address] == FORMAT.to_bits(value), (channel, word)
+    assert len(state) > 4
+
+
+def test_memories_are_as_small_as_block_ram_and_luts_come(program):
+    assert program.depth == 512
+    assert program.side_depth <= 64
+
+
+def test_bad_channels_are_refused(program):
+    for channels in 0, 1, 3, 12:
+        with pytest.raises(ValueError, match=f"^channels must be a power of two from 2 on, not {channels}$"):
+            StreamProgram(program.schedule, channels)
