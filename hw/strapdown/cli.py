@@ -16,6 +16,9 @@ from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS, smallest_order
 from strapdown.design.picture import error_picture
 from strapdown.export import explain, write_core, write_operator
+from strapdown.export.stream import stream_listing
+from strapdown.kernel.microprogram import Microprogram
+from strapdown.kernel.schedule import Schedule
 from strapdown.synthesis import Cache, ToolMissingError
 
 __all__ = ["main"]
@@ -325,6 +328,8 @@ def schedule_(config_name, changes, module, output):
     config, _ = configuration(config_name, changes)
     module = module or main_module(config)
     result = core_of(config, module).engine.program.schedule
+    if not isinstance(result, Schedule):
+        raise UserError(f"{module} has several updates under way at once: 'strapdown explain {module}' shows its words")
     for line in schedule_summary(result):
         click.echo(line)
     path = output or Path("build/schedule") / f"{config.name}_{module}.png"
@@ -400,6 +405,12 @@ def explain_(module, config_name, changes, cycle, place):
     """
     config, _ = configuration(config_name, changes)
     program = core_of(config, module).engine.program
+    if not isinstance(program, Microprogram):
+        if cycle is not None or place is not None:
+            raise UserError(f"{module} has several updates under way at once: it is explained as a whole only")
+        for line in stream_listing(program):
+            click.echo(line)
+        return
     if cycle is not None and cycle >= program.length:
         raise UserError(f"{module} has cycles 0 to {program.length - 1}, not {cycle}")
     if place is None:

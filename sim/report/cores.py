@@ -11,8 +11,10 @@ import numpy as np
 
 from strapdown.config import CONFIGS
 from strapdown.cores import Core, main_module, make_core
+from strapdown.kernel.stream import StreamEngine
 
 from ..drivers.core import CoreModel
+from ..drivers.stream import StreamModel
 
 __all__ = ["CORES", "CoreEntry", "simulated_cycles"]
 
@@ -31,7 +33,7 @@ CORES = tuple(CoreEntry(main_module(config), config, partial(make_core, main_mod
 
 
 def simulated_cycles(core, verilog, build):
-    """Cycles of an update, counted in Verilator: random numbers, zeros and NaN as inputs.
+    """(latency, cycles from one update to the next), counted in Verilator: random numbers, zeros and NaN as inputs.
 
     Parameters
     ----------
@@ -45,8 +47,13 @@ def simulated_cycles(core, verilog, build):
     """
     numbers = np.random.default_rng(20150601).standard_normal((16, len(core.system.input_ports)))
     numbers[8], numbers[12] = 0, np.nan
-    result = CoreModel(core, verilog, build).update(dict(zip(core.system.input_ports, numbers.T, strict=True)))
-    counts = sorted(set(result["cycles"].tolist()))
+    inputs = dict(zip(core.system.input_ports, numbers.T, strict=True))
+    if isinstance(core.engine, StreamEngine):
+        result = StreamModel(core, verilog, build).update(np.arange(16) % core.engine.channels, inputs)
+        counts = {*zip(result["finished"][1:] - result["taken"][1:], np.diff(result["taken"]), strict=True)}
+    else:
+        cycles = CoreModel(core, verilog, build).update(inputs)["cycles"]
+        counts = {*zip(cycles, cycles, strict=True)}
     if len(counts) != 1:
-        raise RuntimeError(f"the cycles of {core.system.name} depend on its inputs: {counts}")
-    return counts[0]
+        raise RuntimeError(f"the cycles of {core.system.name} depend on its inputs: {sorted(counts)}")
+    return tuple(int(count) for count in counts.pop())

@@ -60,7 +60,7 @@ def core_table(report):
     """The table of ``cores.json``."""
     placed = all("ecp5" in row for row in report["cores"])
     head = ["module", "configuration", "cycles:", "LUT:", "of these memory:", "FF:", "DSP:", "BRAM:", "MHz, ECP5:"]
-    rows = [[f"`{row['module']}`", f"`{row['config']}`", row["cycles"], f"{row['xc7']['lut']:,}",
+    rows = [[f"`{row['module']}`", f"`{row['config']}`", _cycles(row), f"{row['xc7']['lut']:,}",
              row["xc7"]["memory_lut"], f"{row['xc7']['ff']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}",
              _frequency(row)] for row in report["cores"]]
     if placed:
@@ -68,6 +68,11 @@ def core_table(report):
         for cells, row in zip(rows, report["cores"], strict=True):
             cells.append(f"{microseconds(row):.2f}")
     return _table(head, rows)
+
+
+def _cycles(row):
+    """Cycles from one update to the next, and of one, where several are under way at once."""
+    return row["cycles"] if row["cycles"] == row["latency"] else f"{row['cycles']}, latency {row['latency']}"
 
 
 def microseconds(row):

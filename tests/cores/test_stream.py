@@ -7,8 +7,8 @@ import pytest
 from strapdown_sim.drivers.stream import RESET, StreamModel
 
 from strapdown.config import ConfigError
-from strapdown.config.stream import STREAM_CONFIGS, THESIS_X8
-from strapdown.cores.stream import stream_core
+from strapdown.config import THESIS_X8
+from strapdown.cores import make_core, modules_of
 from strapdown.export import description, write_core
 
 SEED = 20151
@@ -17,7 +17,7 @@ UPDATES = 20_000
 
 @pytest.fixture(scope="module")
 def core():
-    return stream_core(THESIS_X8)
+    return make_core("INS_top_x8", THESIS_X8)
 
 
 @pytest.fixture(scope="module")
@@ -62,14 +62,15 @@ def test_file_explains_itself(core, verilog):
     assert told["latency_cycles"] == core.latency
     assert told["interval_cycles"] == core.engine.interval == 110
     assert told["channels"] == 8
-    assert list(STREAM_CONFIGS) == ["thesis_x8"]
+    assert modules_of(THESIS_X8) == ("INS_top_x8",)
+    assert modules_of(THESIS_X8.replace(channels=4)) == ("INS_top_x4",)
 
 
 def test_bad_configurations_are_refused():
     with pytest.raises(ConfigError, match=r"^configuration thesis_x8: channels must be a power of two, not 6$"):
         THESIS_X8.replace(channels=6)
     with pytest.raises(ValueError, match=r"^interval must be at least 10\d, as long as the .* is taken, not 90$"):
-        stream_core(THESIS_X8.replace(interval=90))
+        make_core("INS_top_x8", THESIS_X8.replace(interval=90))
 
 
 @pytest.mark.verilator

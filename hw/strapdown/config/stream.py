@@ -8,7 +8,7 @@ from strapdown.kernel.pool import MemoryStyle, Pool
 
 from .attitude import THESIS, AttitudeConfig
 
-__all__ = ["STREAM_CONFIGS", "StreamConfig", "THESIS_X8"]
+__all__ = ["StreamConfig", "THESIS_X8"]
 
 
 def _power_of_two(number):
@@ -32,5 +32,3 @@ THESIS_X8 = StreamConfig(**dict(THESIS) | {
                  arctangent_steps_per_cycle=1, forwarding=False, operand_memory=MemoryStyle.BLOCK,
                  microcode=MemoryStyle.DISTRIBUTED),
     "channels": 8, "interval": 110})
-
-STREAM_CONFIGS = {config.name: config for config in (THESIS_X8,)}

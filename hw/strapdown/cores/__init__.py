@@ -6,3 +6,4 @@ from .core import *
 from .flight import *
 from .quaternion import *
 from .sins import *
+from .stream import *

@@ -3,29 +3,38 @@
 """Which modules a configuration has, and the core for one of them."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from strapdown.config import AttitudeConfig, FlightConfig, QuaternionConfig, SinsConfig
+from strapdown.config import CONFIGS, AttitudeConfig, FlightConfig, QuaternionConfig, SinsConfig, StreamConfig
+from strapdown.kernel.stream import StreamEngine
 
 from .attitude import ATTITUDE_CORES
 from .core import Core
 from .flight import FLIGHT_CORES
 from .quaternion import QUATERNION_CORES
 from .sins import SINS_CORES
+from .stream import ins_top_stream
 
 __all__ = ["MODULES", "main_module", "make_core", "modules_of"]
 
-_CORES: dict[Any, dict[str, Callable]] = {
-    AttitudeConfig: ATTITUDE_CORES, FlightConfig: FLIGHT_CORES, QuaternionConfig: QUATERNION_CORES,
-    SinsConfig: SINS_CORES}
 
-MODULES = tuple(name for cores in _CORES.values() for name in cores)
-"""Names of all modules."""
+def _cores(config) -> dict[str, Callable[[], Core]]:
+    """Module name to what makes its core."""
+    if isinstance(config, StreamConfig):
+        system = ins_top_stream(config)
+        return {system.name: partial(Core, system, config.pool, engine=StreamEngine, channels=config.channels,
+                                     interval=config.interval)}
+    systems: dict[Any, dict[str, Callable]] = {
+        AttitudeConfig: ATTITUDE_CORES, FlightConfig: FLIGHT_CORES, QuaternionConfig: QUATERNION_CORES,
+        SinsConfig: SINS_CORES}
+    return {name: lambda system=system: Core(system(config), config.pool)
+            for name, system in systems[type(config)].items()}
 
 
 def modules_of(config):
     """Names of the modules that a configuration has."""
-    return tuple(_CORES[type(config)])
+    return tuple(_cores(config))
 
 
 def main_module(config):
@@ -35,8 +44,11 @@ def main_module(config):
 
 def make_core(module, config):
     """A Core, ready to be elaborated. Raises: ValueError if the configuration has no such module."""
-    try:
-        system = _CORES[type(config)][module]
-    except KeyError:
-        raise ValueError(f"configuration {config.name} has {', '.join(modules_of(config))}, not {module}") from None
-    return Core(system(config), config.pool)
+    cores = _cores(config)
+    if module not in cores:
+        raise ValueError(f"configuration {config.name} has {', '.join(cores)}, not {module}")
+    return cores[module]()
+
+
+MODULES = tuple(dict.fromkeys(name for config in CONFIGS.values() for name in modules_of(config)))
+"""Names of all modules of the named configurations."""
