@@ -11,8 +11,8 @@ from pathlib import Path
 
 from strapdown_sim.report.tables import anchor_table, core_table, flow_lines, operator_tables
 
-from strapdown.config import THESIS
-from strapdown.cores import ATTITUDE_CORES, make_core
+from strapdown.config import CONFIGS, THESIS
+from strapdown.cores import ATTITUDE_CORES, main_module, make_core
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,6 +23,24 @@ def modules_block():
     for name in ATTITUDE_CORES:
         core = make_core(name, THESIS)
         rows.append(f"| `{name}` | {core.system.title} | {core.latency} | {core.latency / 100:.2f} |")
+    return "\n".join(rows)
+
+
+def configurations_block():
+    """Table of the configurations: their top module, cycles, and what was measured of it."""
+    report = ROOT / "docs" / "report" / "cores.json"
+    measured = {row["config"]: row for row in json.loads(report.read_text())["cores"]} if report.exists() else {}
+    rows = ["| configuration | module | what it is | cycles | LUT | DSP | BRAM | MHz | µs |",
+            "|---|---|---|---:|---:|---:|---:|---:|---:|"]
+    for config in CONFIGS.values():
+        module = main_module(config)
+        core = make_core(module, config)
+        cells = [getattr(core.engine, "interval", core.latency), *"–––––"]
+        if row := measured.get(config.name):
+            mhz = row["ecp5"]["fmax_mhz"]
+            cells[1:] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}", f"{mhz:.0f}",
+                         f"{row['cycles'] / mhz:.2f}"]
+        rows.append(f"| `{config.name}` | `{module}` | {config.description} | {' | '.join(map(str, cells))} |")
     return "\n".join(rows)
 
 
@@ -62,9 +80,11 @@ def write_blocks(path, blocks):
 def main():
     """Update README.md and docs/attitude.png from build/demo, and docs/report.md from docs/report."""
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
-    write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block()})
+    write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
+                                      "configurations": configurations_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
-    write_blocks(ROOT / "docs" / "report.md", report_blocks())
+    if (ROOT / "docs" / "report" / "operators.json").exists():
+        write_blocks(ROOT / "docs" / "report.md", report_blocks())
 
 
 if __name__ == "__main__":

@@ -227,15 +227,15 @@ def _print_summary(summary, output):
 @click.option("--cores", is_flag=True, help="Report cores, and operators only if they are asked for too.")
 @click.option("--only", metavar="OPERATOR", multiple=True,
               help="Report only the operators of this name, as in --only add. May be repeated.")
-@click.option("--config", "config_name", type=click.Choice(list(CONFIGS)),
-              help="Report only the cores of this configuration.")
+@click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
+              help="Report only the core of this configuration. May be repeated.")
 @click.option("--place/--no-place", default=True, show_default=True,
               help="Whether to place and route, which takes most of the time and gives the clock frequency.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/report"),
               show_default=True, help="Folder for JSON, tables and pictures.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder for the tools' answers and simulation models, which are kept.")
-def report(operators, cores, only, config_name, place, output, build):
+def report(operators, cores, only, config_names, place, output, build):
     """Synthesise operators and cores, place and route them, and compare them with public ones.
 
     Answers are kept, so that a run that was cut off goes on where it was.
@@ -251,10 +251,11 @@ def report(operators, cores, only, config_name, place, output, build):
     names = list(dict.fromkeys(entry.operator for entry in OPERATORS))
     if unknown := [name for name in only if name not in names]:
         raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
-    operators, cores = bool(operators or only), bool(cores or config_name)
+    operators, cores = bool(operators or only), bool(cores or config_names)
     everything = operators == cores
     chosen = {
-        "cores": [entry for entry in CORES if config_name in (None, entry.config.name)] if cores or everything else [],
+        "cores": [entry for entry in CORES if not config_names or entry.config.name in config_names]
+        if cores or everything else [],
         "operators": [entry for entry in OPERATORS if not only or entry.operator in only]
         if operators or everything else []}
     designs = {"cores": partial(core_design, build=build), "operators": operator_design}
@@ -266,7 +267,7 @@ def report(operators, cores, only, config_name, place, output, build):
         with Progress(*columns, console=Console(stderr=True)) as bars:
             for kind, entries in chosen.items():
                 if entries:
-                    task = bars.add_task(kind, total=len(entries) * (1 + place))
+                    task = bars.add_task(kind, total=sum(1 + (place and entry.placed) for entry in entries))
                     rows = measure(map(designs[kind], entries), cache, place=place,
                                    progress=partial(bars.advance, task))
                     reports[kind] = {**source, kind: rows}

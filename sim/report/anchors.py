@@ -65,8 +65,8 @@ class CoreAnchor:
 
 
 def _of(design, gradual, rows):
-    return tuple(OperatorAnchor(operator, design, *resources, latency, pipelined, gradual)
-                 for operator, resources, latency, pipelined in rows)
+    return tuple(OperatorAnchor(operator, design, lut, ff, dsp, latency, pipelined, gradual)
+                 for operator, (lut, ff, dsp), latency, pipelined in rows)
 
 
 OPERATOR_ANCHORS = (

@@ -26,6 +26,7 @@ class CoreEntry:
     module: str
     config: Any
     make: Callable[[], Core]
+    placed: bool = True
 
 
 CORES = tuple(CoreEntry(main_module(config), config, partial(make_core, main_module(config), config))
@@ -48,8 +49,9 @@ def simulated_cycles(core, verilog, build):
     numbers = np.random.default_rng(20150601).standard_normal((16, len(core.system.input_ports)))
     numbers[8], numbers[12] = 0, np.nan
     inputs = dict(zip(core.system.input_ports, numbers.T, strict=True))
-    if isinstance(core.engine, StreamEngine):
-        result = StreamModel(core, verilog, build).update(np.arange(16) % core.engine.channels, inputs)
+    engine: Any = core.engine
+    if isinstance(engine, StreamEngine):
+        result = StreamModel(core, verilog, build).update(np.arange(16) % engine.program.channels, inputs)
         counts = {*zip(result["finished"][1:] - result["taken"][1:], np.diff(result["taken"]), strict=True)}
     else:
         cycles = CoreModel(core, verilog, build).update(inputs)["cycles"]

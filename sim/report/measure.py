@@ -26,11 +26,12 @@ __all__ = ["Design", "core_circuit", "core_design", "digest", "measure", "operat
 
 @dataclass(frozen=True)
 class Design:
-    """Something to measure: what is known of it, its Verilog, and the name of its top module."""
+    """Something to measure: what is known of it, its Verilog, the name of its top module, whether it is worth placing."""
 
     facts: dict
     verilog: str = field(repr=False)
     top: str
+    placed: bool = True
 
 
 def operator_design(entry):
@@ -43,7 +44,8 @@ def operator_design(entry):
     return Design({
         "operator": entry.operator, "component": top, "formats": [part.name for part in formats],
         "subnormals": policies.pop() if policies else None, "parameters": entry.parameters,
-        "latency": operator.latency, "interval": operator.interval, "verilog_sha256": digest(text)}, text, top)
+        "latency": operator.latency, "interval": operator.interval, "verilog_sha256": digest(text)}, text, top,
+        entry.placed)
 
 
 def core_circuit(core, config):
@@ -93,16 +95,16 @@ def measure(designs, cache, *, place=True, progress=None):
     cache : Cache
         Where the tools' answers are kept.
     place : bool
-        Whether to place and route as well.
+        Whether to place and route as well those that are ``placed``.
     progress : callable or None
         Called without arguments when a tool has answered, once or twice for each design.
     """
-    flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place else {})}
     # The tools run in processes of their own; these threads only wait for them.
     with ThreadPoolExecutor(max_workers=2) as pool:
         try:
             running = []
             for design in designs:
+                flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place and design.placed else {})}
                 answers = {name: pool.submit(flow, design, cache) for name, flow in flows.items()}
                 for answer in answers.values():
                     answer.add_done_callback(lambda _: progress and progress())

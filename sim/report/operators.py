@@ -46,12 +46,15 @@ class OperatorEntry:
         Positional parameters of the class, none for fixed point.
     parameters : dict
         Keyword parameters of the class.
+    placed : bool
+        Whether it is placed and routed too, which takes minutes.
     """
 
     operator: str
     component: Any
     formats: tuple
     parameters: dict
+    placed: bool
 
     def make(self):
         """A fresh component."""
@@ -59,10 +62,29 @@ class OperatorEntry:
 
 
 def _each(operator, component, formats, **choices):
-    """An entry for each format and each combination of choices, a choice being a list of values."""
-    return [OperatorEntry(operator, component, chosen if isinstance(chosen, tuple) else (chosen,),
-                          dict(zip(choices, values, strict=True)))
-            for chosen in formats for values in product(*choices.values())]
+    """An entry for each format and each combination of choices, a choice being a list of values.
+
+    Those that flush are placed and routed: every useful depth of the adder and the multiplier, the default
+    depth of other pipelines, and one or two bits or steps a cycle of what the engines iterate.
+    """
+    entries = []
+    for chosen in formats:
+        chosen = chosen if isinstance(chosen, tuple) else (chosen,)
+        for values in product(*choices.values()):
+            parameters = dict(zip(choices, values, strict=True))
+            wanted = FLUSH in chosen and _is_placed(component, **parameters)
+            entries.append(OperatorEntry(operator, component, chosen, parameters, wanted))
+    return entries
+
+
+def _is_placed(component, *, latency=None, bits_per_cycle=None, steps_per_cycle=None, iterative=True, **_):
+    if component in (FpAdd, FpMultiply):
+        return latency >= component.DEFAULT_LATENCY - 1
+    if latency is not None:
+        return latency == component.DEFAULT_LATENCY
+    if component in (FpDivideSquareRoot, FpReciprocalSquareRoot):
+        return True
+    return component is CordicAtan2 or (component in (FpDivide, FpSquareRoot) and not iterative and bits_per_cycle == 2)
 
 
 def _depths(component):

@@ -20,16 +20,16 @@ def core_plot(path, report):
     """
     figure = Figure(figsize=(9.0, 5.6), dpi=150, layout="constrained")
     axes = figure.subplots()
-    anchors = [anchor for anchor in CORE_ANCHORS if anchor.lut is not None]
-    for anchor in anchors:
-        axes.scatter(anchor.microseconds, anchor.lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
+    anchors = [(anchor, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
+    for anchor, lut in anchors:
+        axes.scatter(anchor.microseconds, lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
                      facecolor="white" if anchor.basis == "estimate" else _ANCHOR)
     for anchor in CORE_ANCHORS:
         if anchor.lut is None:
             axes.axvline(anchor.microseconds, color=_ANCHOR, linewidth=1.0, linestyle=(0, (4, 4)), zorder=1)
             axes.annotate(anchor.design, (anchor.microseconds, 0.985), xycoords=("data", "axes fraction"), rotation=90,
                           xytext=(-4, 0), textcoords="offset points", ha="right", va="top", fontsize=8, color=_ANCHOR)
-    points = [(anchor.microseconds, anchor.lut, f"{anchor.design}\n{anchor.dsp} DSP", _ANCHOR) for anchor in anchors]
+    points = [(anchor.microseconds, lut, f"{anchor.design}\n{anchor.dsp} DSP", _ANCHOR) for anchor, lut in anchors]
     for names, row in _merged(report["cores"]):
         x, y = microseconds(row), row["xc7"]["lut"]
         axes.scatter(x, y, s=190, marker="*", color=_OURS, zorder=4)
@@ -66,7 +66,7 @@ def _merged(rows):
 def operator_plot(path, report):
     """LUTs and clock frequency of the pipelined operators against their latency.
 
-    Operators with at least three latencies are drawn. ``report`` is that of ``operators.json`` with place and route.
+    Operators with at least three latencies are drawn. ``report`` is that of ``operators.json``, as far as it was placed and routed.
     """
     curves = _curves(report["operators"])
     figure = Figure(figsize=(3.1 * max(len(curves), 2), 5.8), dpi=150, layout="constrained")
@@ -77,9 +77,13 @@ def operator_plot(path, report):
             latency = [row["latency"] for row in rows]
             style = {"color": colour, "linewidth": 1.6, "markersize": 5, "marker": "o", "zorder": 4}
             area.plot(latency, [row["xc7"]["lut"] for row in rows], **style)
-            speed.plot(latency, [row["ecp5"]["fmax_mhz"] for row in rows], **style)
-            spread = np.array([row["ecp5"]["fmax_mhz_of_seeds"] for row in rows])
-            speed.fill_between(latency, spread.min(axis=1), spread.max(axis=1), color=colour, alpha=0.18, linewidth=0)
+            placed = [row for row in rows if "ecp5" in row]
+            if placed:
+                latency, spread = ([row["latency"] for row in placed],
+                                   np.array([row["ecp5"]["fmax_mhz_of_seeds"] for row in placed]))
+                speed.plot(latency, np.median(spread, axis=1), **style)
+                speed.fill_between(latency, spread.min(axis=1), spread.max(axis=1), color=colour, alpha=0.18,
+                                   linewidth=0)
         _draw_anchors(area, operator)
         area.set_title(operator, loc="left", fontweight="bold", fontsize=10)
         area.set_ylim(bottom=0)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from strapdown_sim.drivers.stream import RESET, StreamModel
 
-from strapdown.config import ConfigError
-from strapdown.config import THESIS_X8
+from strapdown.config import THESIS_X8, ConfigError
 from strapdown.cores import make_core, modules_of
 from strapdown.export import description, write_core
 

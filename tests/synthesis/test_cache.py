@@ -23,7 +23,7 @@ def test_a_result_that_was_cut_off_is_made_again(tmp_path):
     cache = Cache(tmp_path)
 
     def cut_off(path):
-        path.write_text("ans")
+        path.write_text("half")
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

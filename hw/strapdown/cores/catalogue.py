@@ -28,8 +28,11 @@ def _cores(config) -> dict[str, Callable[[], Core]]:
     systems: dict[Any, dict[str, Callable]] = {
         AttitudeConfig: ATTITUDE_CORES, FlightConfig: FLIGHT_CORES, QuaternionConfig: QUATERNION_CORES,
         SinsConfig: SINS_CORES}
-    return {name: lambda system=system: Core(system(config), config.pool)
-            for name, system in systems[type(config)].items()}
+    return {name: partial(_plain, system, config) for name, system in systems[type(config)].items()}
+
+
+def _plain(system, config):
+    return Core(system(config), config.pool)
 
 
 def modules_of(config):
