@@ -1,4 +1,4 @@
-"""Write the generated figures into README.md and docs/report.md, and the picture of the demo into docs/.
+"""Write the generated figures into README.md and docs/, the operators' pages, and the picture of the demo.
 
 Run by `make docs`, after `make demo`. The tests hold the files against the same functions. The figures of
 docs/report.md come from docs/report, where `make report` put them.
@@ -9,7 +9,8 @@ import re
 import shutil
 from pathlib import Path
 
-from strapdown_sim.report.tables import anchor_table, core_table, flow_lines, operator_tables
+from strapdown_sim.report.pages import PAGES, flags_table, index_table, page_text
+from strapdown_sim.report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 
 from strapdown.config import CONFIGS, THESIS
 from strapdown.cores import ATTITUDE_CORES, main_module, make_core
@@ -37,9 +38,9 @@ def configurations_block():
         core = make_core(module, config)
         cells = [getattr(core.engine, "interval", core.latency), *"–––––"]
         if row := measured.get(config.name):
-            mhz = row["ecp5"]["fmax_mhz"]
-            cells[1:] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}", f"{mhz:.0f}",
-                         f"{row['cycles'] / mhz:.2f}"]
+            cells[1:4] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}"]
+            if "ecp5" in row:
+                cells[4:] = [f"{row['ecp5']['fmax_mhz']:.0f}", f"{microseconds(row):.2f}"]
         rows.append(f"| `{config.name}` | `{module}` | {config.description} | {' | '.join(map(str, cells))} |")
     return "\n".join(rows)
 
@@ -63,6 +64,18 @@ def report_blocks():
             "operators": operator_tables(operators)}
 
 
+def operator_pages():
+    """Pages of docs/operators, by the name of their operator; with its resources where they have been measured."""
+    figures = ROOT / "docs" / "report" / "operators.json"
+    report = json.loads(figures.read_text()) if figures.exists() else None
+    return {name: page_text(page, report) for name, page in PAGES.items()}
+
+
+def operator_index_blocks():
+    """Tables of docs/operators/README.md, by the name of their block."""
+    return {"operators": index_table(), "flags": flags_table()}
+
+
 def block(text, name):
     """The text between the markers of a generated block."""
     return re.search(rf"<!-- generated: {name} -->\n(.*?)<!-- end -->", text, re.DOTALL)
@@ -78,11 +91,14 @@ def write_blocks(path, blocks):
 
 
 def main():
-    """Update README.md and docs/attitude.png from build/demo, and docs/report.md from docs/report."""
+    """Update README.md and docs/attitude.png from build/demo, docs/operators, and docs/report.md from docs/report."""
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
     write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
                                       "configurations": configurations_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
+    for name, text in operator_pages().items():
+        (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)
+    write_blocks(ROOT / "docs" / "operators" / "README.md", operator_index_blocks())
     if (ROOT / "docs" / "report" / "operators.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())
 

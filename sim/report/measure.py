@@ -26,7 +26,7 @@ __all__ = ["Design", "core_circuit", "core_design", "digest", "measure", "operat
 
 @dataclass(frozen=True)
 class Design:
-    """Something to measure: what is known of it, its Verilog, the name of its top module, whether it is worth placing."""
+    """Something to measure: what is known of it, its Verilog, its top module, and whether it is worth placing."""
 
     facts: dict
     verilog: str = field(repr=False)

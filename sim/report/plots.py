@@ -66,7 +66,8 @@ def _merged(rows):
 def operator_plot(path, report):
     """LUTs and clock frequency of the pipelined operators against their latency.
 
-    Operators with at least three latencies are drawn. ``report`` is that of ``operators.json``, as far as it was placed and routed.
+    Operators with at least three latencies are drawn. ``report`` is that of ``operators.json``; speeds are
+    those of what was placed and routed.
     """
     curves = _curves(report["operators"])
     figure = Figure(figsize=(3.1 * max(len(curves), 2), 5.8), dpi=150, layout="constrained")

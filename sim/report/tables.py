@@ -4,10 +4,10 @@ from itertools import groupby
 
 from .anchors import CORE_ANCHORS, best_known
 
-__all__ = ["anchor_table", "core_table", "flow_lines", "operator_tables"]
+__all__ = ["anchor_table", "core_table", "flow_lines", "markdown_table", "operator_tables"]
 
 
-def _table(head, rows):
+def markdown_table(head, rows):
     """A Markdown table; a head that ends in a colon is aligned right."""
     rule = ["---:" if cell.endswith(":") else "---" for cell in head]
     lines = [[cell.removesuffix(":") for cell in head], rule, *rows]
@@ -24,7 +24,7 @@ def operator_tables(report, operators=None):
 
 
 def _operator_table(rows):
-    return _table(
+    return markdown_table(
         ["component", "parameters", "latency:", "interval:", "LUT:", "FF:", "DSP:", "MHz, ECP5:",
          "public, no slower: LUT / FF / DSP"],
         [[f"`{row['component']}`", _parameters(row), row["latency"], row["interval"], row["xc7"]["lut"],
@@ -67,7 +67,7 @@ def core_table(report):
         head.append("µs an update:")
         for cells, row in zip(rows, report["cores"], strict=True):
             cells.append(f"{microseconds(row):.2f}")
-    return _table(head, rows)
+    return markdown_table(head, rows)
 
 
 def _cycles(row):
@@ -85,7 +85,7 @@ def anchor_table():
     def count(value):
         return "–" if value is None else f"{value:,}"
 
-    return _table(["design", "what it computes", "LUT:", "FF:", "DSP:", "µs an update:", "figures"],
+    return markdown_table(["design", "what it computes", "LUT:", "FF:", "DSP:", "µs an update:", "figures"],
                   [[anchor.design, anchor.algorithm, count(anchor.lut), count(anchor.ff), count(anchor.dsp),
                     f"{anchor.microseconds:g}", anchor.basis] for anchor in CORE_ANCHORS])
 

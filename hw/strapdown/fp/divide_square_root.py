@@ -258,7 +258,7 @@ class FpDivide(DigitRecurrence):
     flags : Out(FLAGS)
         Exceptions of this result, valid with it; only if wanted.
 
-    Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
+    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` cycles: pipelined 1, iterative ``latency`` - 1. A ``start`` that comes
     earlier is ignored. No back-pressure.
     Accuracy: correctly rounded.
@@ -314,7 +314,7 @@ class FpSquareRoot(DigitRecurrence):
     flags : Out(FLAGS)
         Exceptions of this result, valid with it; only if wanted.
 
-    Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
+    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` cycles: pipelined 1, iterative ``latency`` - 1. A ``start`` that comes
     earlier is ignored. No back-pressure.
     Accuracy: correctly rounded.
@@ -368,7 +368,7 @@ class FpDivideSquareRoot(DigitRecurrence):
     flags : Out(FLAGS)
         Exceptions of this result, valid with it; only if wanted.
 
-    Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
+    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` = ``latency`` - 1 cycles; a ``start`` that comes earlier is ignored.
     Accuracy: correctly rounded.
     Special values and flags: as in ``FpDivide`` and ``FpSquareRoot``.
