@@ -185,11 +185,9 @@ CIRCUITS = {
     "binary32_gradual_2": (FORMATS["binary32_gradual"], {}, 300_000),
     "binary32_flush_3": (FORMATS["binary32_flush"], {"steps_per_cycle": 3, "width": 29}, 200_000),
     "binary32_pipelined": (FORMATS["binary32_flush"], {"iterative": False}, 300_000),
-    "binary64_3": (FORMATS["binary64_gradual"], {"steps_per_cycle": 3}, 10_000),
-    "binary64_pipelined": (FORMATS["binary64_flush"], {"steps_per_cycle": 5, "iterative": False}, 10_000),
+    "binary64_3": (FORMATS["binary64_gradual"], {"steps_per_cycle": 3}, 2_000),
     "binary16_gradual_2": (FORMATS["binary16_gradual"], {}, 200_000),
     "binary16_flush_1": (FORMATS["binary16_flush"], {"steps_per_cycle": 1, "width": 14, "iterations": 13}, 200_000),
-    "binary16_deep": (FORMATS["binary16_gradual"], {"steps_per_cycle": 1, "iterative": False}, 200_000),
     "bfloat16_2": (FORMATS["bfloat16_gradual"], {}, 200_000),
 }
 
