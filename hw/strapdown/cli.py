@@ -1,6 +1,6 @@
 # amaranth: UnusedElaboratable=no
 # Operators are made, and their options so checked, before the first is written.
-"""The command line: list, generate, design, replay, report, accuracy, explain."""
+"""The command line: list, generate, design, replay, monitor, report, accuracy, explain."""
 
 import math
 import re
@@ -10,12 +10,12 @@ from pathlib import Path
 import click
 
 from strapdown import __version__
-from strapdown.config import CONFIGS, AttitudeConfig, ConfigError, FlightConfig
-from strapdown.cores import MODULES, main_module, make_core, modules_of
+from strapdown.config import CONFIGS, SINS, AttitudeConfig, ConfigError, FlightConfig, SinsConfig
+from strapdown.cores import MODULES, main_module, make_core, modules_of, sins_uart
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS, smallest_order
 from strapdown.design.picture import error_picture
-from strapdown.export import explain, write_core, write_operator
+from strapdown.export import explain, write_core, write_link, write_operator
 from strapdown.export.stream import stream_listing
 from strapdown.kernel.microprogram import Microprogram
 from strapdown.kernel.schedule import Schedule
@@ -100,15 +100,33 @@ def list_():
               help="Write the thesis's vendor operators (add, sub, mult, ...) to this folder, and no module.")
 @click.option("--latency", "latencies", metavar="OPERATOR=N", multiple=True,
               help="Cycles of one of the --operators, as in --latency add=8. May be repeated.")
+@click.option("--link", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
+              help="Write SINS_uart, which is SINS_top with a serial link, to this folder, and no other module.")
+@click.option("--clock-hz", type=click.FloatRange(min=1, max=1e12), default=100e6, show_default=True,
+              help="Clock of the --link.")
+@click.option("--baud", "baud_rate", type=click.IntRange(min=1), default=921_600, show_default=True,
+              help="Bits a second of the --link.")
 @click.pass_context
-def generate(context, config_name, changes, modules, output, operators, latencies):
+def generate(context, config_name, changes, modules, output, operators, latencies, link, clock_hz, baud_rate):
     """Write <Module>.v and <Module>.json for each module.
 
     Each Verilog file is self-contained Verilog-2001. Two runs give equal bytes.
     """
+    def given(name):
+        return context.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT
+
+    if link is not None:
+        for name in ("modules", "output", "operators", "latencies"):
+            if given(name):
+                option = {"modules": "module", "latencies": "latency"}.get(name, name)
+                raise UserError(f"--{option} does not go with --link")
+        return _generate_link(link, config_name if given("config_name") else SINS.name, changes, clock_hz, baud_rate)
+    for name, option in ("clock_hz", "clock-hz"), ("baud_rate", "baud"):
+        if given(name):
+            raise UserError(f"--{option} needs --link DIR")
     if operators is not None:
         for name in ("config_name", "changes", "modules", "output"):
-            if context.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
+            if given(name):
                 option = {"config_name": "config", "changes": "set", "modules": "module"}.get(name, name)
                 raise UserError(f"--{option} does not go with --operators, which depend on --latency alone")
         return _generate_operators(operators, latencies)
@@ -145,6 +163,23 @@ def _generate_operators(directory, latencies):
         except OSError as error:
             raise UserError(f"cannot write to {directory}: {error.strerror}") from None
         click.echo(f"{path}  {latency} cycles")
+
+
+def _generate_link(directory, config_name, changes, clock_hz, baud_rate):
+    """Write SINS_uart."""
+    config, options = configuration(config_name, changes)
+    if not isinstance(config, SinsConfig):
+        raise UserError(f"--link needs a configuration of SINS_top, and {config_name} is of {main_module(config)}")
+    try:
+        linked = sins_uart(config, clock_hz=clock_hz, baud_rate=baud_rate)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    command = f"strapdown generate --link DIR {options} --clock-hz {clock_hz:.15g} --baud {baud_rate}"
+    try:
+        path = write_link(linked, config, directory, command)
+    except OSError as error:
+        raise UserError(f"cannot write to {directory}: {error.strerror}") from None
+    click.echo(f"{path}  {linked.core.latency} cycles, frame {1000 * linked.sender.interval / clock_hz:.3g} ms")
 
 
 @main.command()
@@ -220,6 +255,34 @@ def _print_summary(summary, output):
                       f"heading {recorded['heading_rms']:.2f}°{known}")
     table.add_row("written to", str(output))
     Console().print(table)
+
+
+@main.command("monitor")
+@click.argument("port")
+@click.option("--baud", "baud_rate", type=click.IntRange(min=1), metavar="N",
+              help="Open PORT as a serial port at this rate (needs pyserial). Without: read it as it is.")
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("nav.csv"), show_default=True,
+              help="CSV file to write.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), default=None, metavar="FILE",
+              help="PNG file to draw at the end.")
+@click.option("--live", is_flag=True, help="Draw in a window while frames come in.")
+def monitor_(port, baud_rate, output, plot, live):
+    """Decode frames of SINS_uart from PORT: a serial port, a pseudo-terminal, or a recorded file.
+
+    Ends with the file, or with Ctrl-C.
+    """
+    from strapdown_sim.monitor import MonitorError, monitor, read_port
+
+    if output.exists() and Path(port).exists() and output.samefile(port):
+        raise UserError(f"--output would overwrite {port}, which is read")
+    try:
+        counts = monitor(read_port(port, baud_rate), output, plot=plot, live=live)
+    except MonitorError as error:
+        raise UserError(str(error)) from None
+    except OSError as error:
+        raise UserError(f"cannot write {error.filename or output}: {error.strerror}") from None
+    click.echo(f"{output}  {counts.frames} frames, {counts.lost} lost, {counts.crc_errors} CRC errors, "
+               f"{counts.restarts} restarts, {counts.skipped_bytes} bytes skipped")
 
 
 @main.command()

@@ -4,6 +4,7 @@ from .attitude import *
 from .catalogue import *
 from .core import *
 from .flight import *
+from .link import *
 from .quaternion import *
 from .sins import *
 from .stream import *

@@ -1,0 +1,99 @@
+"""The frame on the serial line: the one description that circuit, decoder and documents use."""
+
+import binascii
+from dataclasses import dataclass
+
+__all__ = ["FRAME_TYPES", "LAYOUT", "MAX_PAYLOAD", "NAVIGATION", "SYNC", "Field", "FrameType", "Quantity", "crc",
+           "frame_size", "place"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """A part of a frame.
+
+    Attributes
+    ----------
+    name : str
+    size : int or None
+        Bytes; None is what ``length`` says. All but ``sync`` and ``crc`` send their least significant byte first.
+    meaning : str
+        For documents.
+    """
+
+    name: str
+    size: int | None
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a payload: ``name``, as in the port ``out_name``, its ``unit``, and its ``meaning``."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class FrameType:
+    """A kind of payload: the number in ``type``, and the quantities, all in one floating-point format."""
+
+    number: int
+    meaning: str
+    quantities: tuple[Quantity, ...]
+
+    @property
+    def payload_sizes(self):
+        """Bytes of a payload, to bytes a number: binary32 or binary64."""
+        return {len(self.quantities) * size: size for size in (4, 8)}
+
+
+SYNC = bytes((0xEB, 0x90))
+MAX_PAYLOAD = 255
+
+LAYOUT = (
+    Field("sync", len(SYNC), "EB 90, in this order"),
+    Field("length", 1, "bytes of the payload"),
+    Field("type", 1, "kind of payload"),
+    Field("counter", 2, "number of the update since reset, modulo 65,536; the first is 0"),
+    Field("status", 1, "status bits of the core"),
+    Field("payload", None, "IEEE 754 numbers, binary64 or binary32 as the length tells"),
+    Field("crc", 2, "CRC-16/CCITT-FALSE of all between sync and crc, high byte first"),
+)
+"""The fields in the order of the line."""
+
+NAVIGATION = FrameType(1, "position, velocity and attitude", (
+    Quantity("latitude", "deg", "latitude, north positive"),
+    Quantity("longitude", "deg", "longitude, east positive"),
+    Quantity("height", "m", "height above the ellipsoid"),
+    Quantity("veast", "m/s", "velocity east"),
+    Quantity("vnorth", "m/s", "velocity north"),
+    Quantity("vup", "m/s", "velocity up"),
+    Quantity("pitch", "deg", "pitch, nose up"),
+    Quantity("roll", "deg", "roll, right side down"),
+    Quantity("heading", "deg", "true heading, clockwise from north, [0, 360)"),
+))
+
+FRAME_TYPES = {kind.number: kind for kind in (NAVIGATION,)}
+"""All kinds of payload, by number."""
+
+
+def frame_size(payload_size):
+    """Bytes of a frame whose payload has ``payload_size`` bytes."""
+    return sum(payload_size if field.size is None else field.size for field in LAYOUT)
+
+
+def place(name, payload_size=0):
+    """Where a field lies in a frame: slice of bytes. Those before the payload lie there in every frame."""
+    start = 0
+    for field in LAYOUT:
+        stop = start + (payload_size if field.size is None else field.size)
+        if field.name == name:
+            return slice(start, stop)
+        start = stop
+    raise KeyError(name)
+
+
+def crc(data):
+    """CRC-16/CCITT-FALSE (0x1021, from 0xFFFF, not reflected) of bytes, as an integer."""
+    return binascii.crc_hqx(data, 0xFFFF)

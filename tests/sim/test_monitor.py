@@ -1,0 +1,266 @@
+"""The monitor on streams made here from the document of the frame, with damage of all kinds."""
+
+import binascii
+import csv
+import errno
+import os
+import signal
+import subprocess
+import sys
+import time
+import tty
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from strapdown_sim.monitor import FrameDecoder, monitor, read_port
+
+from strapdown.cli import main
+
+COUNT = 40
+
+
+def frame(counter, status, numbers, dtype="<f8"):
+    """A frame, byte by byte."""
+    payload = np.asarray(numbers, dtype=dtype).tobytes()
+    body = bytes((len(payload), 1, counter & 0xFF, counter >> 8, status)) + payload
+    return b"\xeb\x90" + body + binascii.crc_hqx(body, 0xFFFF).to_bytes(2, "big")
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    """Nine random numbers a frame; among them ones with 17 digits, with the bytes of a sync, and -0."""
+    values = np.random.default_rng(1).normal(0, 1e3, (COUNT, 9))
+    values[3] = np.frombuffer(b"\xeb\x90\x48\x01\x48\xeb\x90\x3f" * 9)
+    values[4, :4] = 0.1, 1 / 3, -0.0, 5e-324
+    return values
+
+
+@pytest.fixture
+def frames(numbers):
+    return [frame(counter, counter % 32, row) for counter, row in enumerate(numbers)]
+
+
+def decode(data, piece=1 << 16):
+    decoder, found = FrameDecoder(), []
+    for start in range(0, len(data), piece):
+        found += decoder.feed(data[start:start + piece])
+    return found + decoder.finish(), decoder
+
+
+def counts(decoder):
+    return decoder.frames, decoder.lost, decoder.crc_errors, decoder.restarts, decoder.skipped_bytes
+
+
+def assert_frames(found, wanted, numbers):
+    """``found`` are the frames of these indices, in every bit."""
+    assert [(frame.number, frame.status) for frame in found] == [(index - wanted[0], index % 32) for index in wanted]
+    np.testing.assert_array_equal(np.array([frame.values for frame in found]).view(np.uint64),
+                                  numbers[list(wanted)].view(np.uint64))
+
+
+@pytest.mark.parametrize("piece", [1, 2, 7, 80, 81, 82, 1 << 16])
+def test_clean_stream_in_pieces(frames, numbers, piece):
+    found, decoder = decode(b"".join(frames), piece)
+    assert_frames(found, range(COUNT), numbers)
+    assert counts(decoder) == (COUNT, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("piece", [1, 1 << 16])
+def test_garbage_around_and_between(frames, numbers, piece):
+    rng = np.random.default_rng(2)
+    # Beginnings of frames among it, the last of all bytes too; without EB there is no other.
+    plain = rng.integers(0, 0xEB, 300, dtype=np.uint8).tobytes()
+    garbage = plain + b"\xeb\xeb\x90\x48\x02\xeb\x90\x49\x01\xeb\xeb"
+    data = garbage.join([b"", *frames, b""])
+    found, decoder = decode(data, piece)
+    assert_frames(found, range(COUNT), numbers)
+    assert counts(decoder) == (COUNT, 0, 0, 0, (COUNT + 1) * len(garbage))
+
+
+def test_begins_in_the_middle_of_a_frame_and_ends_in_another(frames, numbers):
+    data = b"".join(frames)[50:-20]
+    found, decoder = decode(data)
+    assert_frames(found, range(1, COUNT - 1), numbers)
+    assert counts(decoder) == (COUNT - 2, 0, 0, 0, 31 + 61)
+
+
+def test_every_single_flipped_bit_costs_that_frame_and_no_other(frames, numbers):
+    for bit in range(8 * len(frames[5])):
+        damaged = bytearray(frames[5])
+        damaged[bit // 8] ^= 1 << bit % 8
+        found, decoder = decode(b"".join([*frames[4:5], bytes(damaged), *frames[6:9]]))
+        assert_frames(found, [4, 6, 7, 8], numbers)
+        # Damage before the counter hides the frame; behind it, the CRC tells.
+        assert counts(decoder) == (4, 1, int(bit >= 32), 0, len(damaged))
+
+
+def test_frame_within_a_broken_one(frames, numbers):
+    """A cable pulled in a frame and plugged in again: what is cut off hides no whole frame."""
+    data = frames[10] + frames[11][:33] + frames[12] + frames[13]
+    found, decoder = decode(data)
+    assert_frames(found, [10, 12, 13], numbers)
+    assert counts(decoder) == (3, 1, 1, 0, 33)
+    # The same at the end, where no more bytes come to tell.
+    found, decoder = decode(frames[11][:33] + frames[12][:40])
+    assert counts(decoder) == (0, 0, 0, 0, 73)
+    found, decoder = decode(frames[11][:5] + frame(12, 12, numbers[12], "<f4"))
+    assert [frame.number for frame in found] == [0]
+
+
+def test_lost_frames_wrap_and_restart(numbers):
+    sequence = [65_530, 65_531, 65_535, 0, 3, 4, 0, 1, 1]
+    found, decoder = decode(b"".join(frame(counter, 0, numbers[0]) for counter in sequence))
+    assert [frame.number for frame in found] == [0, 1, 5, 6, 9, 10, 11, 12, 13]
+    assert counts(decoder) == (9, 3 + 2, 0, 2, 0)
+
+
+def test_binary32(numbers):
+    single = numbers.astype(np.float32)
+    found, _ = decode(b"".join(frame(index, 0, row, "<f4") for index, row in enumerate(single)))
+    assert {frame.values.dtype for frame in found} == {np.dtype(np.float32)}
+    np.testing.assert_array_equal(np.array([frame.values for frame in found]).view(np.uint32), single.view(np.uint32))
+
+
+# The command.
+
+def table(path):
+    with path.open(newline="") as file:
+        header, *rows = csv.reader(file)
+    return header, rows
+
+
+def assert_table(path, wanted, numbers):
+    header, rows = table(path)
+    assert header == ["Frame", "Status", "Latitude (deg)", "Longitude (deg)", "Height above the ellipsoid (m)",
+                      "Velocity east (m/s)", "Velocity north (m/s)", "Velocity up (m/s)", "Pitch (deg)", "Roll (deg)",
+                      "True heading (deg)"]
+    assert [(int(row[0]), int(row[1])) for row in rows] == [(index - wanted[0], index % 32) for index in wanted]
+    np.testing.assert_array_equal(np.array([row[2:] for row in rows], dtype=float).view(np.uint64),
+                                  numbers[list(wanted)].view(np.uint64))
+
+
+def test_file_to_csv_and_picture(frames, numbers, tmp_path):
+    recording, output, plot = (tmp_path / name for name in ("line.bin", "out/nav.csv", "out/nav.png"))
+    damaged = frames[7][:40] + bytes((frames[7][40] ^ 4,)) + frames[7][41:]
+    recording.write_bytes(b"noise" + b"".join([*frames[:7], damaged, *frames[8:20], *frames[21:]]))
+    result = CliRunner().invoke(main, ["monitor", str(recording), "--output", str(output), "--plot", str(plot)])
+    assert result.exit_code == 0, result.output
+    assert result.output == f"{output}  38 frames, 2 lost, 1 CRC errors, 0 restarts, 86 bytes skipped\n"
+    assert_table(output, [*range(7), *range(8, 20), *range(21, COUNT)], numbers)
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_live(frames, numbers, tmp_path, monkeypatch):
+    """A window's figure has the curves; the window itself is a canvas without one, for there may be no display."""
+    plt.switch_backend("agg")
+    monkeypatch.setattr(FigureCanvasAgg, "required_interactive_framework", "none")
+    pauses = []
+    monkeypatch.setattr(plt, "pause", pauses.append)
+    data = b"".join(frames)
+    monitor((data[start:start + 1000] for start in range(0, len(data), 1000)), tmp_path / "nav.csv", live=True)
+    assert len(pauses) == -(-len(data) // 1000)
+    for axes, column in zip(plt.gcf().axes, numbers.T, strict=True):
+        np.testing.assert_array_equal(axes.lines[0].get_data(), [np.arange(COUNT), column])
+    plt.close()
+
+
+def test_pseudo_terminal(frames, numbers, tmp_path):
+    """A terminal as it is, in another process, with bytes that come while it reads, until Ctrl-C."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    output = tmp_path / "nav.csv"
+    with subprocess.Popen([sys.executable, "-m", "strapdown", "monitor", os.ttyname(slave), "--output", str(output)],
+                          stdout=subprocess.PIPE, text=True) as process:
+        data = b"".join(frames)
+        for start in range(0, len(data), 500):
+            os.write(master, data[start:start + 500])
+        # What arrived is in the file before the end.
+        limit = time.monotonic() + 30
+        while not (output.exists() and len(output.read_text().splitlines()) == COUNT + 1):
+            assert time.monotonic() < limit
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30)[0] == \
+            f"{output}  {COUNT} frames, 0 lost, 0 CRC errors, 0 restarts, 0 bytes skipped\n"
+    os.close(slave)
+    os.close(master)
+    assert process.returncode == 0
+    assert_table(output, range(COUNT), numbers)
+
+
+def test_serial_port(frames, numbers):
+    pytest.importorskip("serial", reason="pyserial is not installed, so no serial port is opened.")
+    master, slave = os.openpty()
+    chunks = read_port(os.ttyname(slave), 921_600)
+    assert next(chunks) == b""
+    os.write(master, b"".join(frames))
+    decoder, found = FrameDecoder(), []
+    limit = time.monotonic() + 30
+    while len(found) < COUNT:
+        assert time.monotonic() < limit
+        found += decoder.feed(next(chunks))
+    chunks.close()
+    os.close(slave)
+    os.close(master)
+    assert_frames(found, range(COUNT), numbers)
+
+
+def test_terminal_ends_when_the_other_side_is_closed(frames, numbers):
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    chunks = read_port(os.ttyname(slave))
+    assert next(chunks) == b""
+    os.close(slave)
+    os.write(master, frames[0])
+    decoder = FrameDecoder()
+    assert_frames(decoder.feed(next(chunks)), [0], numbers)
+    os.close(master)
+    assert list(chunks) == []
+
+
+def test_terminal_that_is_gone_keeps_what_came(frames, numbers, tmp_path, monkeypatch):
+    (tmp_path / "line.bin").write_bytes(frames[0])
+    read = os.read
+
+    def unplugged(descriptor, count):
+        data = read(descriptor, count)
+        if not data:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        return data
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "read", unplugged)
+        monitor(read_port(tmp_path / "line.bin"), tmp_path / "nav.csv")
+    assert_table(tmp_path / "nav.csv", [0], numbers)
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["absent.bin"], "cannot open absent.bin: No such file or directory"),
+    (["."], "cannot read .: Is a directory"),
+    (["line.bin", "--output", "line.bin"], "--output would overwrite line.bin, which is read"),
+    (["line.bin", "--output", "line.bin/nav.csv"], "cannot write line.bin"),
+    (["line.bin", "--live"], "--live needs a display, and there is none"),
+])
+def test_errors_are_one_line_and_write_nothing(frames, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    plt.switch_backend("agg")
+    data = b"".join(frames)
+    (tmp_path / "line.bin").write_bytes(data)
+    result = CliRunner().invoke(main, ["monitor", *arguments])
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"strapdown: {message}")
+    assert result.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["line.bin"]
+    assert (tmp_path / "line.bin").read_bytes() == data
+
+
+def test_serial_port_without_pyserial(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "serial", None)
+    result = CliRunner().invoke(main, ["monitor", "/dev/ttyUSB0", "--baud", "921600"])
+    assert result.exit_code == 2
+    assert result.stderr == "strapdown: --baud needs the package pyserial: pip install 'strapdown[monitor]'\n"
