@@ -7,7 +7,7 @@ from strapdown_sim.report.measure import core_circuit
 
 from strapdown.synthesis import synthesise_xc7
 
-BUDGETS = {("INS_top", "thesis"): {"lut": 2600, "dsp": 2, "bram": 0}}
+BUDGETS = {("INS_top", "thesis"): {"lut": 2500, "dsp": 6, "bram": 2}}
 """Module and configuration to the most that it may take, as ``synthesise_xc7`` counts."""
 
 
