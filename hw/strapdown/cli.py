@@ -11,7 +11,7 @@ import click
 
 from strapdown import __version__
 from strapdown.config import CONFIGS, SINS, AttitudeConfig, ConfigError, FlightConfig, SinsConfig
-from strapdown.cores import MODULES, main_module, make_core, modules_of, sins_uart
+from strapdown.cores import MODULES, main_module, make_core, modules_of, sins_uart, system_of
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS, smallest_order
 from strapdown.design.picture import error_picture
@@ -83,11 +83,10 @@ def list_():
     click.echo("Configurations (--config NAME):")
     for config in CONFIGS.values():
         click.echo(f"  {config.name:<16}{config.description}")
-    click.echo("\nModules (--module NAME), the first configuration that has each, its latency there in clock cycles:")
+    click.echo("\nModules (--module NAME), each with the first configuration that has it:")
     for name in MODULES:
         config = next(config for config in CONFIGS.values() if name in modules_of(config))
-        core = core_of(config, name)
-        click.echo(f"  {name:<12}{config.name:<16}{core.latency:>4}  {core.system.title}")
+        click.echo(f"  {name:<12}{config.name:<16}{system_of(name, config).title}")
 
 
 @main.command()

@@ -3,7 +3,6 @@
 """Which modules a configuration has, and the core for one of them."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from strapdown.config import CONFIGS, AttitudeConfig, FlightConfig, QuaternionConfig, SinsConfig, StreamConfig
@@ -16,28 +15,23 @@ from .quaternion import QUATERNION_CORES
 from .sins import SINS_CORES
 from .stream import ins_top_stream
 
-__all__ = ["MODULES", "main_module", "make_core", "modules_of"]
+__all__ = ["MODULES", "main_module", "make_core", "modules_of", "system_of"]
+
+_SYSTEMS: dict[Any, dict[str, Callable]] = {
+    AttitudeConfig: ATTITUDE_CORES, FlightConfig: FLIGHT_CORES, QuaternionConfig: QUATERNION_CORES,
+    SinsConfig: SINS_CORES}
 
 
-def _cores(config) -> dict[str, Callable[[], Core]]:
-    """Module name to what makes its core."""
+def _systems(config) -> dict[str, Callable]:
+    """Module name to the function that makes its System."""
     if isinstance(config, StreamConfig):
-        system = ins_top_stream(config)
-        return {system.name: partial(Core, system, config.pool, engine=StreamEngine, channels=config.channels,
-                                     interval=config.interval)}
-    systems: dict[Any, dict[str, Callable]] = {
-        AttitudeConfig: ATTITUDE_CORES, FlightConfig: FLIGHT_CORES, QuaternionConfig: QUATERNION_CORES,
-        SinsConfig: SINS_CORES}
-    return {name: partial(_plain, system, config) for name, system in systems[type(config)].items()}
-
-
-def _plain(system, config):
-    return Core(system(config), config.pool)
+        return {f"INS_top_x{config.channels}": ins_top_stream}
+    return _SYSTEMS[type(config)]
 
 
 def modules_of(config):
     """Names of the modules that a configuration has."""
-    return tuple(_cores(config))
+    return tuple(_systems(config))
 
 
 def main_module(config):
@@ -45,12 +39,20 @@ def main_module(config):
     return modules_of(config)[-1]
 
 
+def system_of(module, config):
+    """Equations and interface of a module. Raises: ValueError if the configuration has no such module."""
+    systems = _systems(config)
+    if module not in systems:
+        raise ValueError(f"configuration {config.name} has {', '.join(systems)}, not {module}")
+    return systems[module](config)
+
+
 def make_core(module, config):
-    """A Core, ready to be elaborated. Raises: ValueError if the configuration has no such module."""
-    cores = _cores(config)
-    if module not in cores:
-        raise ValueError(f"configuration {config.name} has {', '.join(cores)}, not {module}")
-    return cores[module]()
+    """A Core, scheduled and ready to be elaborated. Raises: as ``system_of``."""
+    system = system_of(module, config)
+    if isinstance(config, StreamConfig):
+        return Core(system, config.pool, engine=StreamEngine, channels=config.channels, interval=config.interval)
+    return Core(system, config.pool)
 
 
 MODULES = tuple(dict.fromkeys(name for config in CONFIGS.values() for name in modules_of(config)))
