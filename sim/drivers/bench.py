@@ -54,7 +54,8 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False, lan
     if simulator == "icarus":
         flags = ["-g2012" if waves else f"-g{language}"]
     else:
-        flags = ["-Wno-fatal", "--no-timing"]
+        # In one file: parts would share a precompiled header, which the wheel's make rules cannot include.
+        flags = ["-Wno-fatal", "--no-timing", "--output-split", "0"]
         # Benches are short: to compile Verilator's output well would take longer than to run it.
         environment = verilator_environment() | {"MAKEFLAGS": "OPT_GLOBAL=-O0 OPT_FAST=-O1 OPT_SLOW=-O0"}
     with _environment(environment):
