@@ -3,7 +3,10 @@
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.transforms import Bbox
 
 from .anchors import CORE_ANCHORS, OPERATOR_ANCHORS
 from .tables import microseconds
@@ -18,40 +21,81 @@ def core_plot(path, report):
 
     ``report`` is that of ``cores.json`` with place and route.
     """
-    figure = Figure(figsize=(9.0, 5.6), dpi=150, layout="constrained")
+    figure = Figure(figsize=(9.0, 6.0), dpi=150, layout="constrained")
     axes = figure.subplots()
-    anchors = [(anchor, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
-    for anchor, lut in anchors:
-        axes.scatter(anchor.microseconds, lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
-                     facecolor="white" if anchor.basis == "estimate" else _ANCHOR)
-    for anchor in CORE_ANCHORS:
-        if anchor.lut is None:
-            axes.axvline(anchor.microseconds, color=_ANCHOR, linewidth=1.0, linestyle=(0, (4, 4)), zorder=1)
-            axes.annotate(anchor.design, (anchor.microseconds, 0.985), xycoords=("data", "axes fraction"), rotation=90,
-                          xytext=(-4, 0), textcoords="offset points", ha="right", va="top", fontsize=8, color=_ANCHOR)
-    points = [(anchor.microseconds, lut, f"{anchor.design}\n{anchor.dsp} DSP", _ANCHOR) for anchor, lut in anchors]
+    software = [anchor for anchor in CORE_ANCHORS if anchor.lut is None]
+    public = [anchor for anchor in CORE_ANCHORS if anchor.lut is not None]
+    labels = [((anchor.microseconds, anchor.lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": _INK})
+              for anchor in public]
     for names, row in _merged(report["cores"]):
-        x, y = microseconds(row), row["xc7"]["lut"]
-        axes.scatter(x, y, s=190, marker="*", color=_OURS, zorder=4)
-        points.append((x, y, f"{row['module']}, {', '.join(names)}\n{row['xc7']['dsp']} DSP", _OURS))
-    for x, y, text, colour in points:
-        axes.annotate(text, (x, y), xytext=(9, 0), textcoords="offset points", va="center", fontsize=8.5,
-                      color=_INK if colour == _ANCHOR else colour,
-                      fontweight="bold" if colour == _OURS else "normal", linespacing=1.25)
-    axes.set(xscale="log", yscale="log", xlabel="one update (µs), each at its own clock; ours as routed on an ECP5-6",
-             ylabel="LUTs")
-    # Room for the labels, which stand to the right.
-    xs, ys = [point[0] for point in points], [point[1] for point in points]
-    axes.set_xlim(min(xs) / 1.6, max(xs) * 3.2)
-    axes.set_ylim(min(ys) / 1.7, max(ys) * 2.2)
-    plain = FuncFormatter(lambda value, _: f"{value:,.10g}")
-    axes.xaxis.set_major_formatter(plain)
-    axes.yaxis.set_major_formatter(plain)
-    axes.set_title("Attitude cores: area against time", loc="left", fontweight="bold", pad=24)
+        labels.append(((microseconds(row), row["xc7"]["lut"]), f"{', '.join(names)}\n{row['xc7']['dsp']} DSP",
+                       {"color": _OURS, "fontweight": "bold"}))
+    for anchor in public:
+        axes.scatter(anchor.microseconds, anchor.lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
+                     facecolor="white" if anchor.basis == "estimate" else _ANCHOR)
+    ours = labels[len(public):]
+    axes.scatter([x for (x, _), _, _ in ours], [y for (_, y), _, _ in ours], s=150, marker="*", color=_OURS, zorder=4)
+    notes = []
+    for anchor in software:
+        axes.axvline(anchor.microseconds, color=_ANCHOR, linewidth=1.0, linestyle=(0, (4, 4)), zorder=1)
+        notes.append(axes.annotate(f"{anchor.design}, {anchor.microseconds:g} µs", (anchor.microseconds, 0.015),
+                                   xycoords=("data", "axes fraction"), rotation=90, xytext=(-3, 0),
+                                   textcoords="offset points", ha="right", va="bottom", fontsize=8, color=_ANCHOR))
+
+    axes.set(xscale="log", yscale="log", ylabel="LUTs",
+             xlabel="one update (µs), public cores at their own clock, ours as routed on an ECP5-6")
+    xs, ys = zip(*(point for point, _, _ in labels), strict=True)
+    axes.set_xlim(min(xs) / 2, max(xs) * 3)
+    axes.set_ylim(min(ys) / 3, max(ys) * 2)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axes.set_title("Navigation cores: area against time", loc="left", fontweight="bold", pad=24)
     axes.text(0, 1.02, "blue: measured here;  grey: public cores, their authors' figures (open: before routing);  "
               "dashed: software", transform=axes.transAxes, fontsize=8.5, color=_INK)
     _finish(axes)
+    figure.draw_without_rendering()  # from here on the axes stay where they are
+    _place_labels(axes, labels, [note.get_window_extent() for note in notes], fontsize=8)
     _save(figure, path)
+
+
+# Where a label may stand beside its point, the best place first: offset in points, alignment.
+_PLACES = (((9, 0), "left", "center"), ((-9, 0), "right", "center"), ((0, 9), "center", "bottom"),
+           ((0, -9), "center", "top"), ((7, 7), "left", "bottom"), ((7, -7), "left", "top"),
+           ((-7, 7), "right", "bottom"), ((-7, -7), "right", "top"), ((24, 24), "left", "bottom"),
+           ((24, -24), "left", "top"), ((-24, 24), "right", "bottom"), ((-24, -24), "right", "top"))
+
+
+def _place_labels(axes, labels, obstacles, **style):
+    """Write labels (point, text, style) beside their points, each where it covers least of what is there.
+
+    ``obstacles`` are boxes in pixels; the points themselves join them.
+    """
+    taken = [*obstacles, *(_around(axes, point) for point, _, _ in labels)]
+    for point, text, own_style in labels:
+        tried = []
+        for place, (offset, horizontal, vertical) in enumerate(_PLACES):
+            label = axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=horizontal, va=vertical,
+                                  linespacing=1.2, zorder=5, path_effects=[withStroke(linewidth=2.5, foreground="white")],
+                                  **style, **own_style)
+            label.set_in_layout(False)
+            label.set_visible(False)
+            box = label.get_window_extent()
+            outside = box.width * box.height - _overlap(box, axes.bbox)
+            tried.append((sum(_overlap(box, other) for other in taken) + outside, place, label, box))
+        *_, label, box = min(tried, key=lambda trial: trial[:2])
+        label.set_visible(True)
+        taken.append(box)
+
+
+def _around(axes, point):
+    """Box around the marker of a point."""
+    x, y = axes.transData.transform(point)
+    return Bbox.from_extents(x - 11, y - 11, x + 11, y + 11)
+
+
+def _overlap(a, b):
+    common = Bbox.intersection(a, b)
+    return 0 if common is None else common.width * common.height
 
 
 def _merged(rows):
@@ -70,41 +114,66 @@ def operator_plot(path, report):
     those of what was placed and routed.
     """
     curves = _curves(report["operators"])
-    figure = Figure(figsize=(3.1 * max(len(curves), 2), 5.8), dpi=150, layout="constrained")
-    panels = figure.subplots(2, len(curves), sharex="col", sharey="row", squeeze=False, height_ratios=(1.15, 1))
-    for (operator, policies), (area, speed) in zip(curves.items(), panels.T, strict=True):
-        for policy, rows in policies.items():
-            colour = _GRADUAL if policy == "gradual" else _OURS
-            latency = [row["latency"] for row in rows]
-            style = {"color": colour, "linewidth": 1.6, "markersize": 5, "marker": "o", "zorder": 4}
-            area.plot(latency, [row["xc7"]["lut"] for row in rows], **style)
-            placed = [row for row in rows if "ecp5" in row]
-            if placed:
-                latency, spread = ([row["latency"] for row in placed],
-                                   np.array([row["ecp5"]["fmax_mhz_of_seeds"] for row in placed]))
-                speed.plot(latency, np.median(spread, axis=1), **style)
-                speed.fill_between(latency, spread.min(axis=1), spread.max(axis=1), color=colour, alpha=0.18,
-                                   linewidth=0)
-        _draw_anchors(area, operator)
-        area.set_title(operator, loc="left", fontweight="bold", fontsize=10)
-        area.set_ylim(bottom=0)
-        speed.set_ylim(bottom=0)
-        speed.set_xlabel("latency (cycles)")
-        speed.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=7))
-        for axes in (area, speed):
-            _finish(axes)
-    panels[0, 0].set_ylabel("LUTs, 7 series")
-    panels[1, 0].set_ylabel("MHz, ECP5-6, routed")
+    columns = 3
+    blocks = -(-len(curves) // columns)
+    figure = Figure(figsize=(9.0, 4.4 * blocks + 0.4), dpi=150, layout="constrained")
+    panels = figure.subplots(2 * blocks, columns, squeeze=False, height_ratios=(1.5, 1) * blocks)
+    for axes in panels.flat:
+        axes.set_visible(False)
+    named = []
+    for index, (operator, policies) in enumerate(curves.items()):
+        block, column = divmod(index, columns)
+        area, speed = panels[2 * block:2 * block + 2, column]
+        _draw_operator(area, speed, operator, policies)
+        named.append((area, [((anchor.latency, anchor.lut), anchor.design, {}) for anchor in _anchors(operator)],
+                      [(row["latency"], row["xc7"]["lut"]) for rows in policies.values() for row in rows]))
+    for axes in panels.flat:
+        _finish(axes)
     figure.align_ylabels()
-    handles = [panels[0, 0].plot([], [], color=colour, marker=marker, linestyle=line, label=label)[0]
+    handles = [Line2D([], [], color=colour, marker=marker, linestyle=line, markersize=5, label=label,
+                      markerfacecolor="white" if marker == "D" else colour)
                for label, colour, marker, line in (("flushes subnormals", _OURS, "o", "-"),
                                                    ("keeps subnormals", _GRADUAL, "o", "-"),
                                                    ("public, flushes", _OURS, "D", ""),
                                                    ("public, keeps", _GRADUAL, "D", ""))]
-    for handle in handles[2:]:
-        handle.set(markerfacecolor="white", markersize=5)
     figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
+    figure.draw_without_rendering()  # from here on the axes stay where they are
+    for area, labels, points in named:
+        _place_labels(area, labels, [_around(area, point) for point in points], fontsize=7, color=_ANCHOR)
     _save(figure, path)
+
+
+def _draw_operator(area, speed, operator, policies):
+    """LUTs of an operator in the upper panel, its frequency in the lower, both over one latency axis."""
+    area.set_visible(True)
+    bottom = area
+    for policy, rows in policies.items():
+        colour = _GRADUAL if policy == "gradual" else _OURS
+        style = {"color": colour, "linewidth": 1.6, "markersize": 5, "marker": "o", "zorder": 4}
+        area.plot([row["latency"] for row in rows], [row["xc7"]["lut"] for row in rows], **style)
+        if placed := [row for row in rows if "ecp5" in row]:
+            bottom = speed
+            latency = [row["latency"] for row in placed]
+            spread = np.array([row["ecp5"]["fmax_mhz_of_seeds"] for row in placed])
+            speed.plot(latency, np.median(spread, axis=1), **style)
+            speed.fill_between(latency, spread.min(axis=1), spread.max(axis=1), color=colour, alpha=0.18, linewidth=0)
+    for anchor in _anchors(operator):
+        area.plot(anchor.latency, anchor.lut, "D", markersize=5, markerfacecolor="white", zorder=3,
+                  markeredgecolor=_GRADUAL if anchor.gradual else _OURS)
+    area.set_title(operator, loc="left", fontweight="bold", fontsize=10)
+    area.set_ylabel("LUTs, 7 series", fontsize=8)
+    area.set_ylim(0, area.get_ylim()[1] * 1.08)
+    area.margins(x=0.12)
+    area.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=7))
+    if bottom is speed:
+        speed.set_visible(True)
+        speed.sharex(area)
+        speed.set_ylim(0, speed.get_ylim()[1] * 1.08)
+        speed.set_ylabel("MHz, ECP5-6", fontsize=8)
+        area.tick_params(labelbottom=False)
+    bottom.set_xlabel("latency (cycles)", fontsize=8)
+    for axes in (area, speed):
+        axes.tick_params(labelsize=8)
 
 
 def _curves(rows):
@@ -117,18 +186,13 @@ def _curves(rows):
         for group in policies.values():
             group.sort(key=lambda row: row["latency"])
     return {operator: policies for operator, policies in curves.items()
-            if max(len(group) for group in policies.values()) >= 3}
+            if max(len({row["latency"] for row in group}) for group in policies.values()) >= 3}
 
 
-def _draw_anchors(axes, operator):
-    """Public pipelined operators, each with its name."""
-    for anchor in OPERATOR_ANCHORS:
-        if anchor.operator == operator and anchor.pipelined and anchor.latency is not None:
-            colour = _GRADUAL if anchor.gradual else _OURS
-            axes.plot(anchor.latency, anchor.lut, "D", markersize=5, markerfacecolor="white", markeredgecolor=colour,
-                      zorder=3)
-            axes.annotate(anchor.design, (anchor.latency, anchor.lut), xytext=(0, 6), textcoords="offset points",
-                          ha="center", fontsize=7, color=_ANCHOR)
+def _anchors(operator):
+    """Public pipelined operators of known latency."""
+    return [anchor for anchor in OPERATOR_ANCHORS
+            if anchor.operator == operator and anchor.pipelined and anchor.latency is not None]
 
 
 def _finish(axes):

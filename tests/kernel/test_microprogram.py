@@ -109,4 +109,5 @@ def test_state_words_come_in_pairs_before_everything_else():
 def test_memory_begins_with_the_constants():
     program = Microprogram(schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), POOL))
     numbers = {float(FORMAT.from_bits(word)) for word in program.initial}
-    assert {1.0, 360.0, float(np.float32(10.001)), float(np.float32(0.001))} <= numbers
+    gain = (THESIS.kp + THESIS.ki * THESIS.period_s) * THESIS.period_s / 2
+    assert {1.0, 360.0, float(np.float32(gain)), float(np.float32(THESIS.period_s / 2 * np.pi / 180))} <= numbers

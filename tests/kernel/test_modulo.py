@@ -54,9 +54,13 @@ def test_state_goes_to_the_main_memory(schedule, graph):
     assert {schedule.bus[node] for node in graph.next_state.values()} == {"main"}
 
 
-def test_no_interval_is_shorter_than_the_multiplications(graph):
-    count = graph.count()["multiply"]
-    with pytest.raises(ValueError, match=rf"^interval must be at least {count}, as long as the .* is taken, not 60$"):
+def test_no_interval_is_shorter_than_the_divisions(graph):
+    """There are two units for them."""
+    operations = graph.count()
+    most = -(-(operations["divide"] + operations["sqrt"]) // 2)
+    least = most * POOL.operations["divide"][0].interval
+    assert least > operations["multiply"]
+    with pytest.raises(ValueError, match=rf"^interval must be at least {least}, as long as the .* is taken, not 60$"):
         modulo_schedule(graph, POOL, 60)
 
 

@@ -2,8 +2,7 @@
 
 Frames: b body, n navigation (x magnetic north, y west, z up). ``c`` is C_n^b (navigation to
 body) as rows, ``q`` the body-to-navigation quaternion, scalar first. Vectors are body
-components. ``a`` and ``m`` may have any unit, ``g`` is in deg/s, ``omega`` in rad/s, angles
-come out in degrees.
+components. ``a`` and ``m`` may have any unit, ``g`` is in deg/s, angles come out in degrees.
 """
 
 import math
@@ -11,7 +10,7 @@ from typing import NamedTuple
 
 from .vector import add, column, cross, dot, length_squared, permute, scale, transposed_vector
 
-__all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "quaternion_update",
+__all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains", "quaternion_update",
            "matrix_from_quaternion", "scaled_matrix", "euler_angles", "attitude_update"]
 
 DEGREES = 180 / math.pi
@@ -25,56 +24,62 @@ class Update(NamedTuple):
     status: dict | None = None
 
 
-def accelerometer_error(xp, a, v):
+def accelerometer_error(xp, a, v, gain=1):
     """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26 and 2.30.
 
-    Returns (e_a, whether ``a`` has no length). The product comes before the division, so that
-    square root and division run beside it.
+    Returns (gain·e_a, whether ``a`` has no length). The product comes before the division, so that
+    square root and division run beside it; as its dividend the gain costs nothing.
     """
     square, missing = length_squared(a)
-    return scale(1 / xp.sqrt(square), cross(a, v)), missing
+    return scale(gain / xp.sqrt(square), cross(a, v)), missing
 
 
-def magnetometer_error(xp, m, c, axes):
+def magnetometer_error(xp, m, c, axes, gain=1):
     """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27 to 2.30.
 
     ``m`` is in sensor axes, ``axes`` lays them along the body's. w is proportional to |m|, so
     e_m is the error of the field as measured, divided once by |m|²: no root for that, and
     m × w = bx·(m × c1) + hz·(m × c3), by the columns of C, so that all but the first factor is
-    ready when the root is. Returns (e_m, whether ``m`` has no length).
+    ready when the root is. Returns (gain·e_m, whether ``m`` has no length).
     """
     m = permute(axes, m)
     square, missing = length_squared(m)
     h = transposed_vector(c, m)
-    north, up = (scale(1 / square, cross(m, column(c, axis))) for axis in (0, 2))
+    north, up = (scale(gain / square, cross(m, column(c, axis))) for axis in (0, 2))
     return add(scale(xp.sqrt(dot(h[:2], h[:2])), north), scale(h[2], up)), missing
 
 
-def rate_correction(xp, g, e_a, e_m, i, kp, ki_period):
+def rate_correction(g, e_a, e_m, i, unit, integral_share):
     """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.31.
 
-    Returns (omega, i). omega takes the old i and the gain Kp + Ki·T, which is the same and does
-    not wait for the new one; e_a, which waits for a root and a division, comes last of all.
+    ``omega`` and ``i`` come out in the unit of which a degree per second is ``unit``. In that unit
+    ``e_a`` and ``e_m`` are given, times the gain Kp + Ki·T; ``integral_share`` is what Ki·T is of that.
+    Returns (omega, i). omega takes the old i and the whole gain, which is the same and does not wait
+    for the new one; e_a, which waits for a root and a division, comes last of all.
     """
-    omega = add(scale(1 / DEGREES, g), i)
-    for e in e_m, e_a:
-        omega = add(omega, scale(kp + ki_period, e))
-    return omega, add(i, scale(ki_period, add(e_a, e_m)))
+    omega = add(add(add(scale(unit, g), i), e_m), e_a)
+    return omega, add(i, scale(integral_share, add(e_a, e_m)))
 
 
-def quaternion_step(q, omega, half_period):
-    """q + T/2·q⊗(0, omega), not normalised: eq. 2.42 (third row: + q3·gx)."""
-    (q0, q1, q2, q3), (p0, p1, p2, p3) = q, scale(half_period, q)
-    x, y, z = omega
-    return ((q0 - p1 * x) - (p2 * y + p3 * z),
-            (q1 + p0 * x) + (p2 * z - p3 * y),
-            (q2 + p0 * y) - (p1 * z - p3 * x),
-            (q3 + p0 * z) + (p1 * y - p2 * x))
+def correction_gains(kp, ki, period):
+    """The gain Kp + Ki·T of ``rate_correction``, and the share of Ki·T in it: zero if both are."""
+    gain = kp + ki * period
+    return gain, ki * period / gain if gain else 0.0
+
+
+def quaternion_step(q, half_turn):
+    """q + q⊗(0, half_turn) for half_turn = T/2·omega, not normalised: eq. 2.42 (third row: + q3·gx)."""
+    q0, q1, q2, q3 = q
+    x, y, z = half_turn
+    return ((q0 - q1 * x) - (q2 * y + q3 * z),
+            (q1 + q0 * x) + (q2 * z - q3 * y),
+            (q2 + q0 * y) - (q1 * z - q3 * x),
+            (q3 + q0 * z) + (q1 * y - q2 * x))
 
 
 def quaternion_update(xp, q, omega, half_period):
     """q := q + T/2·q⊗(0, omega), then q := q/|q|: INS_quat, eq. 2.42 and 2.45."""
-    q = quaternion_step(q, omega, half_period)
+    q = quaternion_step(q, scale(half_period, omega))
     return scale(1 / xp.sqrt(dot(q, q)), q)
 
 
@@ -118,15 +123,17 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
     """One update of INS_top, its stages in the order of the thesis's state machine.
 
     The new quaternion is normalised beside the way to the angles and not on it: these want only
-    the directions of |q|²·C.
+    the directions of |q|²·C. Angular rates, ``i`` among them, are times T/2: half the turn of a period.
     """
+    gain, integral_share = correction_gains(kp, ki, period)
+    gain *= period / 2
     with xp.section("ACC_MAG"):
-        e_a, accelerometer_missing = accelerometer_error(xp, a, column(c, 2))
-        e_m, magnetometer_missing = magnetometer_error(xp, m, c, axes)
+        e_a, accelerometer_missing = accelerometer_error(xp, a, column(c, 2), gain)
+        e_m, magnetometer_missing = magnetometer_error(xp, m, c, axes, gain)
     with xp.section("GYRO"):
-        omega, i = rate_correction(xp, g, e_a, e_m, i, kp, ki * period)
+        half_turn, i = rate_correction(g, e_a, e_m, i, period / 2 / DEGREES, integral_share)
     with xp.section("QUAT"):
-        q = quaternion_step(q, omega, period / 2)
+        q = quaternion_step(q, half_turn)
     with xp.section("MATX"):
         s, square = scaled_matrix(q)
         reciprocal = 1 / square

@@ -31,4 +31,4 @@ THESIS_X8 = StreamConfig(**dict(THESIS) | {
     "pool": Pool(adder_latency=5, multiplier_latency=4, dividers=2, divider_bits_per_cycle=1, arctangents=1,
                  arctangent_steps_per_cycle=1, forwarding=False, operand_memory=MemoryStyle.BLOCK,
                  microcode=MemoryStyle.DISTRIBUTED),
-    "channels": 8, "interval": 110})
+    "channels": 8, "interval": 106})

@@ -4,6 +4,7 @@
 
 from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
+from strapdown.algorithms.vector import scale
 from strapdown.kernel.system import System
 
 __all__ = ["ATTITUDE_CORES"]
@@ -70,7 +71,9 @@ def ins_mag(config):
 def ins_gyro(config):
     """System of INS_gyro."""
     def equations(xp, g, e_a, e_m, i):
-        omega, i = attitude.rate_correction(xp, g, e_a, e_m, i, config.kp, config.ki * config.period_s)
+        gain, integral_share = attitude.correction_gains(config.kp, config.ki, config.period_s)
+        omega, i = attitude.rate_correction(
+            g, scale(gain, e_a), scale(gain, e_m), i, 1 / attitude.DEGREES, integral_share)
         return Update({"i": i, "omega": omega})
 
     return System(
