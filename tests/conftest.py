@@ -1,9 +1,12 @@
 """What tests share: where things are, and models built once."""
 
 import importlib.util
+from functools import cache
 from pathlib import Path
 
 import pytest
+
+from strapdown.cores import make_core as make_new_core
 
 ROOT = Path(__file__).parents[1]
 
@@ -15,12 +18,19 @@ def root():
 
 
 @pytest.fixture(scope="session")
-def update_docs():
-    """The script that writes the generated figures, as a module."""
+def update_docs(make_core):
+    """The script that writes the generated figures, as a module; it need not make again the cores that are there."""
     spec = importlib.util.spec_from_file_location("update_docs", ROOT / "scripts" / "update_docs.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    module.make_core = make_core
     return module
+
+
+@pytest.fixture(scope="session")
+def make_core():
+    """``strapdown.cores.make_core``, which makes each core once: scheduling takes seconds."""
+    return cache(make_new_core)
 
 
 @pytest.fixture(scope="session")

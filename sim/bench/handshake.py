@@ -64,7 +64,9 @@ class CoreDriver:
         return {port: float(self._format.from_bits(bits)) for port, bits in self.bits().items()}
 
     def status(self):
-        """Names of the status bits that are set."""
+        """Names of the status bits that are set; empty for a core without."""
+        if not self.system.status_port:
+            return set()
         value = int(getattr(self._dut, self.system.status_port).value)
         return {name for bit, name in enumerate(self.core.engine.status_names) if value >> bit & 1}
 

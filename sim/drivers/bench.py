@@ -1,8 +1,11 @@
 """cocotb benches run on a generated core: builds, runs, raises if a test in the simulator failed."""
 
+import json
 import os
 import shutil
+import time
 from contextlib import contextmanager
+from functools import cache
 
 from cocotb_tools.runner import get_results, get_runner
 
@@ -14,17 +17,19 @@ from .toolchain import verilator_environment
 
 __all__ = ["core_under_test", "run_bench"]
 
-MODULE, CONFIG = "STRAPDOWN_MODULE", "STRAPDOWN_CONFIG"
+MODULE, CONFIG, CHANGES = "STRAPDOWN_MODULE", "STRAPDOWN_CONFIG", "STRAPDOWN_CHANGES"
 SEED = 20151
+MONTH_S = 30 * 24 * 3600
 
 
+@cache
 def core_under_test():
     """In a bench: the core that is being simulated, and its configuration."""
-    config = CONFIGS[os.environ[CONFIG]]
+    config = CONFIGS[os.environ[CONFIG]].replace(**json.loads(os.environ[CHANGES]))
     return make_core(os.environ[MODULE], config), config
 
 
-def run_bench(benches, module, config, simulator, directory, *, waves=False, language="2001"):
+def run_bench(benches, module, config, simulator, directory, *, changes=None, waves=False, language="2001"):
     """Run cocotb benches on a module.
 
     Parameters
@@ -37,6 +42,8 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False, lan
         "icarus" or "verilator".
     directory : Path
         Folder for Verilog, build, log and, if ``waves``, the waveform.
+    changes : dict or None
+        Fields of the configuration to change, and their values.
     language : str
         What Icarus takes the file for, "2001" or "2012"; with ``waves`` always "2012", because what
         cocotb adds to write them is SystemVerilog.
@@ -46,7 +53,9 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False, lan
     int
         Number of tests that ran. Raises: RuntimeError if one failed or none ran.
     """
-    verilog = write_core(make_core(module, CONFIGS[config]), CONFIGS[config], directory, "")
+    changes = changes or {}
+    changed = CONFIGS[config].replace(**changes)
+    verilog = write_core(make_core(module, changed), changed, directory, "")
     build = directory / "build"
     runtime = directory.parent / ("runtime-waves" if waves else "runtime")
     _copy_objects(runtime, build)
@@ -66,7 +75,8 @@ def run_bench(benches, module, config, simulator, directory, *, waves=False, lan
         results = runner.test(
             test_module=benches, hdl_toplevel=module, build_dir=build, test_dir=directory, seed=SEED,
             waves=waves, timescale=("1ns", "1ps"), log_file=directory / "test.log",
-            extra_env={MODULE: module, CONFIG: config}, results_xml=str(directory / "results.xml"))
+            extra_env={MODULE: module, CONFIG: config, CHANGES: json.dumps(changes)},
+            results_xml=str(directory / "results.xml"))
     count, failed = get_results(results)
     if failed or not count:
         raise RuntimeError(f"{module} on {simulator}: {failed} of {count} tests failed, see {directory / 'test.log'}")
@@ -77,11 +87,14 @@ def _copy_objects(source, target):
     """Keep the objects of Verilator's runtime, the same for every module, for the next build."""
     target.mkdir(parents=True, exist_ok=True)
     for path in source.glob("verilated*.o"):
-        if not (target / path.name).exists():
+        copy = target / path.name
+        if not copy.exists():
             # Copied beside and renamed: benches may run side by side.
             partial = target / f"{path.name}.{os.getpid()}"
             shutil.copyfile(path, partial)
-            partial.replace(target / path.name)
+            partial.replace(copy)
+        # They depend on the makefile that Verilator writes anew: make would compile older ones again.
+        os.utime(copy, (time.time() + MONTH_S,) * 2)
 
 
 @contextmanager

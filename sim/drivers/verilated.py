@@ -100,9 +100,9 @@ class VerilatedModel:
         with directory.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not self._executable.exists():
-                self._build(Path(verilog).resolve(), directory, driver, verilator_runtime(build / "runtime"))
+                self._build(Path(verilog).resolve(), directory, driver, *verilator_runtime(build / "runtime"))
 
-    def _build(self, verilog, directory, driver, runtime):
+    def _build(self, verilog, directory, driver, objects, header):
         # Built beside and renamed, so that a build that was cut off leaves no half model.
         partial = directory.with_suffix(".partial")
         shutil.rmtree(partial, ignore_errors=True)
@@ -117,10 +117,16 @@ class VerilatedModel:
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
                   verilog],
                  environment=verilator_environment())
-        # One translation unit: the headers of Verilator are longer than what it makes of a core.
-        sources = sorted(path.name for path in partial.glob("*.cpp"))
-        (partial / "all.cc").write_text("".join(f'#include "{name}"\n' for name in sources))
-        run_tool(["g++", *compile_flags(), f"-I{partial}", partial / "all.cc", *runtime, "-o", partial / "model"])
+        # One translation unit: the headers of Verilator are longer than what it makes of a core. What it calls slow
+        # runs once, and would take g++ longest.
+        names = sorted(path.name for path in partial.glob("*.cpp"))
+        slow = [name for name in names if name.endswith("Slow.cpp")]
+        fast = [name for name in names if name not in slow]
+        (partial / "all.cc").write_text("\n".join(
+            [*(f'#include "{name}"' for name in fast), '#pragma GCC optimize("O0")',
+             *(f'#include "{name}"' for name in slow), ""]))
+        run_tool(["g++", *compile_flags(), f"-I{partial}", "-include", header, partial / "all.cc", *objects,
+                  "-o", partial / "model"])
         shutil.rmtree(directory, ignore_errors=True)
         partial.rename(directory)
 

@@ -43,7 +43,6 @@ class Subject:
 
 SUBJECTS = {
     "sqrt": Subject(FpSquareRoot(BINARY32), "square_root", "square root, gradual"),
-    "sqrt_flush": Subject(FpSquareRoot(FLUSH32), "square_root", "square root, flushed"),
     "rsqrt": Subject(FpReciprocalSquareRoot(BINARY32, bits_per_cycle=24), "reciprocal_square_root",
                      "reciprocal square root, gradual, 24 bits a cycle"),
     "to_int32": Subject(FpToFixed(BINARY32, width=32, fraction_bits=0), "to_int32", "float to 32-bit integer"),

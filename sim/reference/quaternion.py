@@ -2,7 +2,7 @@
 
 Quaternions are Hamilton's, scalar first, body to navigation; rates are in body axes, rad/s.
 Written from the definition of the quaternion product and of the rotation vector, not from any
-core's equations.
+core's equations. Longer floats, where they come in, stay as long.
 """
 
 import numpy as np
@@ -16,6 +16,12 @@ for _i, _j, _k, _sign in ((0, 0, 0, 1), (0, 1, 1, 1), (0, 2, 2, 1), (0, 3, 3, 1)
                           (3, 0, 3, 1), (1, 1, 0, -1), (2, 2, 0, -1), (3, 3, 0, -1), (1, 2, 3, 1), (2, 1, 3, -1),
                           (2, 3, 1, 1), (3, 2, 1, -1), (3, 1, 2, 1), (1, 3, 2, -1)):
     _TABLE[_i, _j, _k] = _sign
+
+
+def _wide(x):
+    """An array of float64 or longer floats."""
+    x = np.asarray(x)
+    return x.astype(np.result_type(x.dtype, float), copy=False)
 
 
 def product(p, q):
@@ -38,14 +44,14 @@ def increment(omega, period_s):
     ndarray, shape (..., 4)
         Unit quaternions (cos(x/2), sin(x/2)·axis), x = |omega|·T.
     """
-    half = np.asarray(omega, float) * (period_s / 2)
+    half = _wide(omega) * (period_s / 2)
     angle = np.linalg.norm(half, axis=-1, keepdims=True)
     return np.concatenate([np.cos(angle), np.sinc(angle / np.pi) * half], axis=-1)
 
 
 def first_order_increment(omega, period_s):
     """The thesis's update (eq. 2.42) as an increment: (1, T/2·omega), normalised."""
-    half = np.asarray(omega, float) * (period_s / 2)
+    half = _wide(omega) * (period_s / 2)
     q = np.concatenate([np.ones((*half.shape[:-1], 1)), half], axis=-1)
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
@@ -55,7 +61,7 @@ def cumulative(start, increments):
 
     Shapes (4,) and (N, 4); result (N, 4), normalised. By doubling: log2(N) array products.
     """
-    q = np.array(increments, float)
+    q = _wide(increments).copy()
     q[0] = product(start, q[0])
     step = 1
     while step < len(q):
@@ -67,7 +73,7 @@ def cumulative(start, increments):
 
 def angle_between(p, q):
     """Angle of the rotation from p to q, quaternions (..., 4) of any length, rad, in [0, pi]."""
-    p, q = (np.asarray(x, float) / np.linalg.norm(x, axis=-1, keepdims=True) for x in (p, q))
+    p, q = (_wide(x) / np.linalg.norm(x, axis=-1, keepdims=True) for x in (p, q))
     # The chord keeps its precision where the inner product is all but one.
     chord = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
     return 4 * np.arcsin(np.minimum(chord / 2, 1))

@@ -1,5 +1,7 @@
 """Pictures of a report: PNG files of equal bytes for equal figures."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -24,14 +26,13 @@ def core_plot(path, report):
     figure = Figure(figsize=(9.0, 6.0), dpi=150, layout="constrained")
     axes = figure.subplots()
     software = [anchor for anchor in CORE_ANCHORS if anchor.lut is None]
-    public = [anchor for anchor in CORE_ANCHORS if anchor.lut is not None]
-    labels = [((anchor.microseconds, anchor.lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": _INK})
-              for anchor in public]
+    public = [(anchor, anchor.microseconds, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
+    labels = [((time, lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": _INK}) for anchor, time, lut in public]
     for names, row in _merged(report["cores"]):
         labels.append(((microseconds(row), row["xc7"]["lut"]), f"{', '.join(names)}\n{row['xc7']['dsp']} DSP",
                        {"color": _OURS, "fontweight": "bold"}))
-    for anchor in public:
-        axes.scatter(anchor.microseconds, anchor.lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
+    for anchor, time, lut in public:
+        axes.scatter(time, lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
                      facecolor="white" if anchor.basis == "estimate" else _ANCHOR)
     ours = labels[len(public):]
     axes.scatter([x for (x, _), _, _ in ours], [y for (_, y), _, _ in ours], s=150, marker="*", color=_OURS, zorder=4)
@@ -75,8 +76,8 @@ def _place_labels(axes, labels, obstacles, **style):
         tried = []
         for place, (offset, horizontal, vertical) in enumerate(_PLACES):
             label = axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=horizontal, va=vertical,
-                                  linespacing=1.2, zorder=5, path_effects=[withStroke(linewidth=2.5, foreground="white")],
-                                  **style, **own_style)
+                                  linespacing=1.2, zorder=5, **style, **own_style,
+                                  path_effects=[withStroke(linewidth=2.5, foreground="white")])
             label.set_in_layout(False)
             label.set_visible(False)
             box = label.get_window_extent()
@@ -120,7 +121,7 @@ def operator_plot(path, report):
     panels = figure.subplots(2 * blocks, columns, squeeze=False, height_ratios=(1.5, 1) * blocks)
     for axes in panels.flat:
         axes.set_visible(False)
-    named = []
+    named: list[tuple] = []
     for index, (operator, policies) in enumerate(curves.items()):
         block, column = divmod(index, columns)
         area, speed = panels[2 * block:2 * block + 2, column]
@@ -130,12 +131,12 @@ def operator_plot(path, report):
     for axes in panels.flat:
         _finish(axes)
     figure.align_ylabels()
-    handles = [Line2D([], [], color=colour, marker=marker, linestyle=line, markersize=5, label=label,
-                      markerfacecolor="white" if marker == "D" else colour)
-               for label, colour, marker, line in (("flushes subnormals", _OURS, "o", "-"),
-                                                   ("keeps subnormals", _GRADUAL, "o", "-"),
-                                                   ("public, flushes", _OURS, "D", ""),
-                                                   ("public, keeps", _GRADUAL, "D", ""))]
+    ours: dict[str, Any] = {"marker": "o", "linestyle": "-", "markersize": 5}
+    public: dict[str, Any] = {"marker": "D", "linestyle": "none", "markersize": 5, "markerfacecolor": "white"}
+    handles = [Line2D([], [], color=_OURS, label="flushes subnormals", **ours),
+               Line2D([], [], color=_GRADUAL, label="keeps subnormals", **ours),
+               Line2D([], [], color=_OURS, label="public, flushes", **public),
+               Line2D([], [], color=_GRADUAL, label="public, keeps", **public)]
     figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
     figure.draw_without_rendering()  # from here on the axes stay where they are
     for area, labels, points in named:

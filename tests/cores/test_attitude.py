@@ -8,7 +8,7 @@ from strapdown_sim.reference.ports import reference_outputs
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
 
 from strapdown.config import THESIS, THESIS_COMPACT, THESIS_FAST
-from strapdown.cores import ATTITUDE_CORES, make_core
+from strapdown.cores import ATTITUDE_CORES
 from strapdown.export import write_core
 
 SEED = 20151
@@ -38,7 +38,7 @@ PORTS = {
 
 
 @pytest.fixture(scope="module")
-def circuit(models, tmp_path_factory):
+def circuit(models, make_core, tmp_path_factory):
     """Function from a module's name to its CoreModel in configuration thesis."""
     made = {}
 
@@ -66,7 +66,7 @@ def random_inputs(name, count):
 
 
 @pytest.mark.parametrize("name", PORTS)
-def test_ports_are_those_of_the_thesis(name):
+def test_ports_are_those_of_the_thesis(make_core, name):
     start, inputs, outputs, finish = PORTS[name]
     core = make_core(name, THESIS)
     members = core.signature.members
@@ -81,11 +81,11 @@ def test_ports_are_those_of_the_thesis(name):
 
 @pytest.mark.parametrize(("config", "most"), [(THESIS, 270), (THESIS_COMPACT, 2000), (THESIS_FAST, 180)],
                          ids=lambda value: getattr(value, "name", value))
-def test_an_update_of_ins_top_takes_no_more_cycles_than_its_budget(config, most):
+def test_an_update_of_ins_top_takes_no_more_cycles_than_its_budget(make_core, config, most):
     assert make_core("INS_top", config).latency <= most
 
 
-def test_the_sequencer_walks_the_states_of_the_thesis():
+def test_the_sequencer_walks_the_states_of_the_thesis(make_core):
     core = make_core("INS_top", THESIS)
     assert core.engine.state_names == ("IDLE", "ACC_MAG", "GYRO", "QUAT", "MATX", "EULER", "END")
     assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "ignored")
@@ -103,7 +103,7 @@ def test_circuit_is_the_twin_in_every_bit(circuit, name):
 
 @pytest.mark.verilator
 @pytest.mark.parametrize("config", [THESIS_COMPACT, THESIS_FAST], ids=lambda config: config.name)
-def test_other_pools_are_the_twin_in_every_bit(config, models, tmp_path):
+def test_other_pools_are_the_twin_in_every_bit(config, make_core, models, tmp_path):
     core = make_core("INS_top", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
     inputs = random_inputs("INS_top", UPDATES)

@@ -7,7 +7,7 @@ from strapdown_sim.recordings import read_recording
 from strapdown_sim.replay import replay
 
 from strapdown.config import CONFIGS, FLIGHT, FLIGHT_6AXIS, THESIS, ConfigError, FlightConfig
-from strapdown.cores import ins_flight, make_core
+from strapdown.cores import ins_flight
 from strapdown.export import write_core
 
 SEED = 42
@@ -41,7 +41,7 @@ def test_errors_are_one_line(change, message):
     assert str(error.value) == message
 
 
-def test_ports_are_those_of_ins_top_and_more():
+def test_ports_are_those_of_ins_top_and_more(make_core):
     thesis, flight = (set(make_core(module, config).signature.members)
                       for module, config in (("INS_top", THESIS), ("INS_flight", FLIGHT)))
     assert flight == thesis | MORE_OUTPUTS
@@ -54,13 +54,13 @@ def test_ports_by_configuration():
     assert set(ins_flight(more).input_ports) - ports == {"in_period", "in_mag_valid", "in_ramp_time", "in_gyro_range"}
 
 
-def test_status_bits():
+def test_status_bits(make_core):
     assert make_core("INS_flight", FLIGHT).engine.status_names == (
         "accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
         "range_exceeded", "refused", "ignored")
 
 
-def test_an_update_takes_at_most_450_cycles():
+def test_an_update_takes_at_most_450_cycles(make_core):
     assert make_core("INS_flight", FLIGHT).latency <= 450
 
 
@@ -88,7 +88,7 @@ def strange_inputs(ports, count):
 
 
 @pytest.mark.verilator
-def test_circuit_is_the_twin_in_every_bit(models, tmp_path):
+def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path):
     config = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
     core = make_core("INS_flight", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)

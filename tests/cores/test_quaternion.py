@@ -6,7 +6,6 @@ from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.reference import quaternion as exact
 
 from strapdown.config import QUATERNION_J2, QUATERNION_J3
-from strapdown.cores import make_core
 from strapdown.export import write_core
 from strapdown.fp import BINARY64, Subnormals
 from strapdown.kernel.pool import Pool
@@ -29,7 +28,7 @@ def stimulus(core, rng):
     return inputs | {"in_load_en": (rng.random(UPDATES) < 0.01).astype(float)}
 
 
-def test_ports():
+def test_ports(make_core):
     members = make_core("QUAT_direct", QUATERNION_J2).signature.members
     flow = {port: member.flow.name for port, member in members.items()}
     assert flow == dict.fromkeys(("clk", "rst_n", "in_rate_en", "in_p", "in_q", "in_r", "in_load_en", "in_e0", "in_e1",
@@ -38,18 +37,18 @@ def test_ports():
 
 
 @pytest.mark.parametrize("config", [QUATERNION_J2, QUATERNION_J3], ids=lambda config: config.name)
-def test_an_update_takes_at_most_70_cycles(config):
+def test_an_update_takes_at_most_70_cycles(make_core, config):
     assert make_core("QUAT_direct", config).latency <= 70
 
 
-def test_a_rate_that_turns_too_far_is_refused():
+def test_a_rate_that_turns_too_far_is_refused(make_core):
     with pytest.raises(ValueError, match="at most 3 rad, not 4 rad: sample faster"):
         make_core("QUAT_direct", QUATERNION_J2.model_copy(update={"rate_max_deg_s": float(np.degrees(2000))}))
 
 
 @pytest.mark.verilator
 @pytest.mark.parametrize("config", OPTIONS.values(), ids=OPTIONS)
-def test_circuit_is_the_twin_in_every_bit(models, tmp_path, config):
+def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path, config):
     core = make_core("QUAT_direct", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
     inputs = stimulus(core, np.random.default_rng(20101))

@@ -7,9 +7,15 @@ computes: of the format only widths and policy are read.
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 
 INEXACT, UNDERFLOW, OVERFLOW, DIVIDE_BY_ZERO, INVALID = 1, 2, 4, 8, 16
 ROUNDINGS = ("nearest_even", "nearest_away", "toward_zero", "upward", "downward")
+
+
+@cache
+def two_to(exponent):
+    return Fraction(2) ** exponent
 
 
 @dataclass(frozen=True)
@@ -33,9 +39,9 @@ def datum(fmt, encoding):
     if exponent == 2**fmt.exponent_width - 1:
         return Datum(negative, None, fraction != 0, 0 < fraction < 2 ** (fmt.fraction_width - 1))
     if exponent == 0:
-        value = fraction * Fraction(2) ** (1 - fmt.bias - fmt.fraction_width) if fmt.gradual else Fraction(0)
+        value = fraction * two_to(1 - fmt.bias - fmt.fraction_width) if fmt.gradual else Fraction(0)
     else:
-        value = (1 + Fraction(fraction, 2**fmt.fraction_width)) * Fraction(2) ** (exponent - fmt.bias)
+        value = (1 + Fraction(fraction, 2**fmt.fraction_width)) * two_to(exponent - fmt.bias)
     return Datum(negative, -value if negative else value)
 
 
@@ -74,18 +80,18 @@ def to_integer(x, rounding):
 def binade(size):
     """The exponent e with 2**e <= size < 2**(e + 1)."""
     e = size.numerator.bit_length() - size.denominator.bit_length()
-    return e - (Fraction(2) ** e > size)
+    return e - (two_to(e) > size)
 
 
 def rounded(fmt, x, rounding):
     """Encoding and flags of a fraction that is not zero; IEEE 754-2019, 4.3, 7.4, 7.5."""
-    negative, least = x < 0, Fraction(2) ** (1 - fmt.bias)
-    largest = (2 - Fraction(1, 2**fmt.fraction_width)) * Fraction(2) ** fmt.bias
+    negative, least = x < 0, two_to(1 - fmt.bias)
+    largest = (2 - Fraction(1, 2**fmt.fraction_width)) * two_to(fmt.bias)
     if not fmt.gradual and abs(x) < least:
         return signed(fmt, negative, 0), UNDERFLOW | INEXACT
 
     def on_grid(exponent):
-        unit = Fraction(2) ** (exponent - fmt.fraction_width)
+        unit = two_to(exponent - fmt.fraction_width)
         return to_integer(x / unit, rounding) * unit
 
     exponent = binade(abs(x))
@@ -94,13 +100,13 @@ def rounded(fmt, x, rounding):
     if abs(unbounded) > largest:
         to_infinity = {"upward": not negative, "downward": negative, "toward_zero": False}.get(rounding, True)
         return infinity(fmt, negative) - (not to_infinity), OVERFLOW | INEXACT
-    result = on_grid(max(exponent, 1 - fmt.bias))
+    result = unbounded if exponent >= 1 - fmt.bias else on_grid(1 - fmt.bias)
     flags = 0 if result == x else INEXACT | (abs(unbounded) < least) * UNDERFLOW
     size = abs(result)
     if size < least:
         return signed(fmt, negative, int(size / least * 2**fmt.fraction_width)), flags
     top = binade(size)
-    fraction = (size / Fraction(2) ** top - 1) * 2**fmt.fraction_width
+    fraction = (size / two_to(top) - 1) * 2**fmt.fraction_width
     return signed(fmt, negative, (top + fmt.bias << fmt.fraction_width) + int(fraction)), flags
 
 
@@ -164,7 +170,7 @@ def bracketed_root(x, bits):
     exponent = binade(x) // 2 - bits
     scaled = x / Fraction(4) ** exponent
     root = math.isqrt(math.floor(scaled))
-    return (root + (Fraction(0) if root * root == scaled else Fraction(1, 2))) * Fraction(2) ** exponent
+    return (root + (Fraction(0) if root * root == scaled else Fraction(1, 2))) * two_to(exponent)
 
 
 def square_root(fmt, a, rounding):

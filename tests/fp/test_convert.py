@@ -59,8 +59,8 @@ def as_signed(values, width):
     ({"width": 1, "fraction_bits": 0}, "width must be at least 2, not 1"),
     ({"width": 32, "fraction_bits": -1}, "fraction_bits must be from 0 to 31, not -1"),
     ({"width": 32, "fraction_bits": 32}, "fraction_bits must be from 0 to 31, not 32"),
-    ({"width": 32, "fraction_bits": 0, "latency": 0}, "latency must be from 1 to 3, not 0"),
-    ({"width": 32, "fraction_bits": 0, "latency": 4}, "latency must be from 1 to 3, not 4"),
+    ({"width": 32, "fraction_bits": 0, "latency": 0}, "latency must be from 1 to 4, not 0"),
+    ({"width": 32, "fraction_bits": 0, "latency": 5}, "latency must be from 1 to 4, not 5"),
 ])
 def test_parameters_out_of_range(make, options, message):
     with pytest.raises(ValueError, match=f"^{message}$"):
@@ -71,7 +71,7 @@ def test_parameters_out_of_range(make, options, message):
 def test_properties(make):
     convert = make(BINARY32, width=32, fraction_bits=30)
     assert (convert.format, convert.width, convert.fraction_bits) == (BINARY32, 32, 30)
-    assert (convert.latency, convert.interval) == (2, 1)
+    assert (convert.latency, convert.interval) == (4, 1)
 
 
 @pytest.mark.verilator

@@ -16,6 +16,14 @@ RANGES = [center - 2048 for center in (0x800, 0x00800000, 0x3F800000, 0x4F000000
                                        0x80000800, 0x80800000, 0xBF800000, 0xCF000000, 0xFF800000)]
 
 
+@pytest.fixture
+def folder(models, tmp_path):
+    """Where a run keeps what is done; its model goes where those of other tests are, to share Verilator's runtime."""
+    models.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "models").symlink_to(models)
+    return tmp_path
+
+
 def run_of(name, folder):
     try:
         return exhaustive.Run(name, folder)
@@ -24,18 +32,18 @@ def run_of(name, folder):
 
 
 @pytest.mark.parametrize("name", ["rsqrt", "to_fixed16", "from_int32"])
-def test_samples_agree(name, root):
-    run = run_of(name, root / "build" / "exhaustive")
+def test_samples_agree(name, folder):
+    run = run_of(name, folder)
     for first in RANGES:
         assert run.check(first, 4096) == (0, [])
 
 
-def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, tmp_path):
+def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, folder):
     wrong = FpToFixed(BINARY32, width=32, fraction_bits=0, rounding=Rounding.TOWARD_ZERO)
     subject = dataclasses.replace(exhaustive.SUBJECTS["to_int32"], operator=wrong)
     monkeypatch.setitem(exhaustive.SUBJECTS, "to_int32", subject)
     monkeypatch.setattr(exhaustive, "SHARD", 1 << 12)
-    run = run_of("to_int32", tmp_path)
+    run = run_of("to_int32", folder)
     # 0.5 is a tie and goes down; what follows does not.
     mismatches, rows = run.check(0x3F000000, 16)
     assert mismatches == 15
@@ -43,9 +51,9 @@ def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, tmp_path):
 
     first, second = run.remaining(exhaustive.fraction(f"2/{exhaustive.SHARDS}"))
     run.do(first)
-    stored = json.loads((tmp_path / "to_int32.json").read_text())
+    stored = json.loads((folder / "to_int32.json").read_text())
     assert stored["shards"] == [first]
-    again = exhaustive.Run("to_int32", tmp_path)
+    again = exhaustive.Run("to_int32", folder)
     assert again.remaining(exhaustive.fraction(f"2/{exhaustive.SHARDS}")) == [second]
     assert not again.complete
 

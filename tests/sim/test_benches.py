@@ -11,8 +11,17 @@ from strapdown.cores import ATTITUDE_CORES
 
 BUILD = Path(__file__).parents[2] / "build" / "sim"
 SIMULATORS = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("icarus", "verilator")]
-BENCHES = {module: ["strapdown_sim.bench.bench_core"] for module in ATTITUDE_CORES}
-BENCHES["INS_top"].append("strapdown_sim.bench.bench_ins_top")
+CONFIGS = dict.fromkeys(ATTITUDE_CORES, "thesis") | {
+    "INS_flight": "flight", "QUAT_direct": "quaternion_j2", "SINS_top": "sins"}
+OWN_BENCHES = {module: f"strapdown_sim.bench.bench_{module.lower()}"
+               for module in ("INS_top", "INS_flight", "QUAT_direct", "SINS_top")}
+# So that an alignment is soon over.
+CHANGES = {"SINS_top": {"alignment_samples": 3}}
+
+
+def benches(module):
+    """The bench of all cores, and the module's own."""
+    return ["strapdown_sim.bench.bench_core", *([OWN_BENCHES[module]] if module in OWN_BENCHES else [])]
 
 
 @pytest.mark.icarus
@@ -20,13 +29,13 @@ BENCHES["INS_top"].append("strapdown_sim.bench.bench_ins_top")
 def test_file_compiled_as_systemverilog_behaves_alike(module):
     if missing := icarus_missing():
         pytest.skip(missing)
-    run_bench(BENCHES[module], module, "thesis", "icarus", BUILD / "icarus-2012" / module, language="2012")
+    run_bench(benches(module), module, "thesis", "icarus", BUILD / "icarus-2012" / module, language="2012")
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-@pytest.mark.parametrize("module", BENCHES)
+@pytest.mark.parametrize("module", CONFIGS)
 def test_bench(module, simulator):
     if simulator == "icarus" and (missing := icarus_missing()):
         pytest.skip(missing)
-    run_bench(BENCHES[module], module, "thesis", simulator, BUILD / simulator / module,
-              waves=bool(os.environ.get("WAVES")))
+    run_bench(benches(module), module, CONFIGS[module], simulator, BUILD / simulator / module,
+              changes=CHANGES.get(module), waves=bool(os.environ.get("WAVES")))

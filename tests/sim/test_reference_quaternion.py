@@ -53,3 +53,12 @@ def test_coning_rates_are_those_of_the_attitude():
     turned = product(q[:-1] * [1, -1, -1, -1], q[1:])
     rates = coning_mean_rate(times[:-1], times[1:], **arguments)
     np.testing.assert_allclose(2 * turned[:, 1:] / 1e-4, rates, atol=1e-6)
+
+
+def test_longer_floats_stay_as_long():
+    count, rate = 1000, np.longdouble(0.7)
+    turned = cumulative(np.eye(4)[0], increment(np.tile(rate * i[1:], (count, 1)), 0.1))
+    half = count * rate * np.longdouble(0.1) / 2
+    # Each of the products rounds four components once or twice.
+    bound = 4 * count * np.finfo(np.longdouble).eps
+    assert np.abs(turned[-1] - [np.cos(half), np.sin(half), 0, 0]).max() <= bound

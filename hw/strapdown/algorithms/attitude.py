@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from .vector import add, column, cross, dot, length_squared, permute, scale, transposed_vector
 
-__all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains", "quaternion_update",
-           "matrix_from_quaternion", "scaled_matrix", "euler_angles", "attitude_update"]
+__all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains",
+           "quaternion_update", "matrix_from_quaternion", "scaled_matrix", "euler_angles", "attitude_update"]
 
 DEGREES = 180 / math.pi
 

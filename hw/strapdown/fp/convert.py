@@ -6,11 +6,14 @@ from types import SimpleNamespace
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator
+from .pipeline import PipelinedOperator, pick
 from .rounding import Rounding, flags_member
 from .stages import normalise, round_and_pack, shift_right_sticky, unpack
 
 __all__ = ["FpToFixed", "FixedToFp"]
+
+FINE_LEVELS = 3
+"""Levels of a shifter, by 1, 2 and 4, that come after the cut inside it."""
 
 
 class _Converter(PipelinedOperator):
@@ -60,7 +63,7 @@ class FpToFixed(_Converter):
         Bits of the result in two's complement, at least 2, and those behind the point, less than
         ``width``.
     latency : int
-        Register ranks, 1 to 3.
+        Register ranks, 1 to 4.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -84,9 +87,9 @@ class FpToFixed(_Converter):
     Source: IEEE 754-2019, 5.4.1 and 5.8, operations *convertToIntegerExactTiesToEven* and its like.
     """
 
-    CUTS = ("distance", "align", "result")
-    CUT_PRIORITY = ("result", "align", "distance")
-    DEFAULT_LATENCY = 2
+    CUTS = ("distance", "coarse", "align", "result")
+    CUT_PRIORITY = ("result", "align", "distance", "coarse")
+    DEFAULT_LATENCY = 4
 
     def __init__(self, format, *, width, fraction_bits, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__({"a": format.layout}, {"result": signed(width)}, format=format, width=width,
@@ -109,34 +112,46 @@ class FpToFixed(_Converter):
         rank = self.ranks(m)
 
         # The significand starts with its top bit where the result has its sign, then moves right.
+        # What stays there exceeds the range, but for the least number, which is an end of it.
         a = unpack(m, fmt, self.a, "a")
         length = max(self._width + 2, fmt.precision)
-        distance = Signal(signed(max(fmt.exponent_width, self._width.bit_length()) + 2))
+        levels = length.bit_length()
+        distance = Signal(signed(max(fmt.exponent_width, levels) + 2))
         m.d.comb += distance.eq(self._width - 1 - self._fraction_bits + fmt.bias - a.exponent)
-        s = rank("distance", sign=a.sign & ~a.is_nan, significand=a.significand, distance=distance,
-                 saturates=(distance < 0) | a.is_infinite | a.is_nan)
+        special = a.is_infinite | a.is_nan
+        s = rank("distance", sign=a.sign & ~a.is_nan, significand=a.significand,
+                 distance=distance[:levels] | distance[levels:].any().replicate(levels),
+                 saturates=((distance <= 0) & a.significand[-1]) | special,
+                 **({"is_beyond": (distance < 0) | special} if self._flags else {}))
 
-        start = Cat(C(0, length - fmt.precision), s.significand)
-        s = rank("align", sign=s.sign, saturates=s.saturates,
-                 aligned=shift_right_sticky(m, start, s.distance.as_unsigned(), "align"))
+        start, fine = Cat(C(0, length - fmt.precision), s.significand), s.distance[:FINE_LEVELS]
+        coarse = shift_right_sticky(m, start, Cat(C(0, len(fine)), s.distance[len(fine):]), "coarse")
+        s = rank("coarse", **pick(s, ("sign", "saturates"), self._flagged), distance=fine, shifted=coarse)
+        aligned = shift_right_sticky(m, s.shifted, s.distance, "align")
+        s = rank("align", **pick(s, ("sign", "saturates"), self._flagged), aligned=aligned)
 
-        # Round and negate in one addition: -(x + up) = ~x + 1 - up.
-        magnitude, guard = s.aligned[-self._width:], s.aligned[-self._width - 1]
+        # Round and negate in one addition: -(x + up) = ~x + 1 - up. The ends of the range need none.
+        magnitude, guard = s.aligned[-self._width:-1], s.aligned[-self._width - 1]
         sticky = s.aligned[:-self._width - 1].any()
         up = self._rounding.increments(s.sign, magnitude[0], guard, sticky)
+        stays = s.saturates | (magnitude.all() & ~s.sign)
         rounded = Signal(self._width)
-        m.d.comb += rounded.eq((magnitude ^ s.sign.replicate(self._width)) + (up ^ s.sign))
-        saturates = s.saturates | magnitude[-1] | (rounded[-1] & ~s.sign)
-        end = Cat((~s.sign).replicate(self._width - 1), s.sign)
-        outputs = {"result": Mux(saturates, end, rounded)}
+        m.d.comb += rounded.eq((Cat(magnitude | s.saturates.replicate(self._width - 1), C(0, 1))
+                                ^ s.sign.replicate(self._width)) + ((up ^ s.sign) & ~stays))
+        outputs = {"result": rounded}
         if self._flags:
-            # The least number of the range has a magnitude beyond it.
-            invalid = saturates & ~(s.sign & magnitude[-1] & ~magnitude[:-1].any() & ~up & ~s.saturates)
+            is_least = s.sign & ~magnitude.any() & ~up
+            invalid = s.is_beyond | (s.aligned[-1] & ~is_least) | (magnitude.all() & up & ~s.sign)
             outputs["flags"] = Cat((guard | sticky) & ~invalid, C(0, 3), invalid)
         s = rank("result", **outputs)
         m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
         m.d.comb += self.done.eq(rank.valid)
         return m
+
+    @property
+    def _flagged(self):
+        """What only the flags want to know."""
+        return ("is_beyond",) if self._flags else ()
 
 
 class FixedToFp(_Converter):
@@ -150,7 +165,7 @@ class FixedToFp(_Converter):
         Bits of the operand in two's complement, at least 2, and those behind the point, less than
         ``width``.
     latency : int
-        Register ranks, 1 to 3.
+        Register ranks, 1 to 4.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -173,9 +188,9 @@ class FixedToFp(_Converter):
     Source: IEEE 754-2019, 5.4.1, operation *convertFromInt*.
     """
 
-    CUTS = ("magnitude", "normalise", "result")
-    CUT_PRIORITY = ("result", "normalise", "magnitude")
-    DEFAULT_LATENCY = 2
+    CUTS = ("magnitude", "coarse", "normalise", "result")
+    CUT_PRIORITY = ("result", "normalise", "magnitude", "coarse")
+    DEFAULT_LATENCY = 4
 
     def __init__(self, format, *, width, fraction_bits, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__({"operand": signed(width)}, {"result": format.layout}, format=format, width=width,
@@ -199,14 +214,18 @@ class FixedToFp(_Converter):
         s = rank("magnitude", sign=self.operand < 0, magnitude=magnitude)
 
         # Normalise. The top bit weighs 2**(width - 1 - fraction_bits).
-        normalised, zeros = normalise(m, s.magnitude, "normalise")
+        levels = range((self._width - 1).bit_length())
+        shifted, coarse = normalise(m, s.magnitude, "coarse", levels=levels[FINE_LEVELS:])
+        s = rank("coarse", sign=s.sign, shifted=shifted, coarse=coarse)
+        normalised, fine = normalise(m, s.shifted, "normalise", levels=levels[:FINE_LEVELS])
+        zeros = Cat(fine, s.coarse)
         greatest = fmt.bias + self._width - 1 - self._fraction_bits
         least = greatest - self._width + 1
         exponent = Signal(range(least, greatest + 1) if least > 0 else range(least - 1, greatest + 1))
         m.d.comb += exponent.eq(greatest - zeros)
         padded = Cat(C(0, fmt.precision), normalised)
         s = rank(
-            "normalise", sign=s.sign, is_zero=s.magnitude == 0, exponent=exponent,
+            "normalise", sign=s.sign, is_zero=~normalised[-1], exponent=exponent,
             extended=Cat(padded[:-fmt.precision - 1].any(), padded[-fmt.precision - 1:]))
 
         number = SimpleNamespace(is_nan=C(0), is_infinite=C(0), **vars(s))

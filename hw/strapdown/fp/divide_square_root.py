@@ -34,6 +34,9 @@ class DigitRecurrence(wiring.Component):
     Li and Chu, A new non-restoring square root algorithm, ICCD 1996.
     """
 
+    # Bits of R before its point beyond those of a quotient's, which stays between -B and B: a root's, below 4.
+    _headroom = 1
+
     # The registers that a step changes.
     _stepped: tuple[str, ...] = ("remainder", "divisor", "place", "quotient")
 
@@ -108,8 +111,8 @@ class DigitRecurrence(wiring.Component):
 
         s.quotient = C(0, 0)
         s = keep("begin", s)
-        for cut in cuts[1:-1]:
-            s = keep(cut, self._advance(m, s)[-1])
+        for cycle, cut in enumerate(cuts[1:-1]):
+            s = keep(cut, self._advance(m, s, cycle * self._bits_per_cycle)[-1])
         s = rank("result", **self._finish(m, s))
         m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
         m.d.comb += self.done.eq(rank.valid)
@@ -160,7 +163,7 @@ class DigitRecurrence(wiring.Component):
         # Weights: bit 0 of remainder, divisor and place is that of the last quotient bit.
         last = self._bits - 1
         half = a_significand << (last - fmt.precision)
-        remainder, divisor, place = Signal(last + 3), Signal(last + 2), Signal(last + 1)
+        remainder, divisor, place = Signal(last + 2 + self._headroom), Signal(last + 2), Signal(last + 1)
         m.d.comb += [
             remainder.eq(Mux(scale, half << 1, half)),
             divisor.eq(Mux(square_root, 0, b_significand << (last - fmt.fraction_width))),
@@ -181,28 +184,40 @@ class DigitRecurrence(wiring.Component):
             is_infinite=a.is_infinite | (b.is_zero & ~square_root),
             is_zero=a.is_zero | (b.is_infinite & ~square_root))
 
-    def _step(self, m, s):
-        """The state after one more bit."""
+    def _step(self, m, s, low=0):
+        """The state after one more bit; ``low`` bits of T are known to be zero."""
         trial, remainder = Signal.like(s.remainder), Signal.like(s.remainder)
         divisor, place = Signal.like(s.divisor), Signal.like(s.place)
         negative, bit = s.remainder[-1], ~remainder[-1]
         latest = (s.place << 2)[:len(s.divisor)]
+        high = Mux(negative, trial[low:], ~trial[low:])
+        if low:
+            # Where T is zero 2R stays as it is; a bit below the others makes the carry of a subtraction.
+            kept = Cat(C(0, 1), s.remainder[:low - 1])
+            total = Cat(kept, (Cat(~negative, s.remainder[low - 1:]) + Cat(~negative, high))[1:])
+        else:
+            # 2R has room for that carry in its lowest bit.
+            total = Cat(~negative, s.remainder) + high
         m.d.comb += [
             trial.eq(s.divisor | s.place | Mux(negative, s.place << 1, latest)),
-            # 2R has room for the carry of a subtraction in its lowest bit.
-            remainder.eq(Cat(~negative, s.remainder) + Mux(negative, trial, ~trial)),
+            remainder.eq(total),
             divisor.eq(s.divisor | Mux(negative, 0, latest)),
             place.eq(s.place >> 1),
         ]
         return SimpleNamespace(**{**vars(s), "remainder": remainder, "divisor": divisor, "place": place,
                                   "quotient": Cat(bit, s.quotient)})
 
-    def _advance(self, m, s):
-        """The states after each step of one cycle."""
+    def _advance(self, m, s, first=None):
+        """The states after each step of one cycle, ``first`` being the number of its first step, if known."""
         states = [s]
-        for _ in range(self._bits_per_cycle):
-            states.append(self._step(m, states[-1]))
+        for index in range(self._bits_per_cycle):
+            known = {} if first is None else {"low": self._low_zeros(first + index)}
+            states.append(self._step(m, states[-1], **known))
         return states[1:]
+
+    def _low_zeros(self, step):
+        """Low bits of T in a step that are zero whatever the operands."""
+        return self._bits - self._format.precision
 
     @property
     def _needs_exactness(self):
@@ -271,6 +286,7 @@ class FpDivide(DigitRecurrence):
     """
 
     _select = C(0)
+    _headroom = 0
 
     def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout, "b": format.layout}, bits_per_cycle=bits_per_cycle,
@@ -326,6 +342,10 @@ class FpSquareRoot(DigitRecurrence):
     """
 
     _select = C(1)
+
+    def _low_zeros(self, step):
+        # T ends with the place of the bit.
+        return self._bits - 1 - step
 
     def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=iterative,

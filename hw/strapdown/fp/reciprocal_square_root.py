@@ -107,7 +107,7 @@ class FpReciprocalSquareRoot(DigitRecurrence):
             **more, remainder=remainder, trial=trial, x=x, exponent=exponent, sign=a.sign,
             is_nan=a.is_nan | (a.sign & ~a.is_zero), is_infinite=a.is_zero, is_zero=a.is_infinite)
 
-    def _step(self, m, s):
+    def _step(self, m, s, low=0):
         remainder, trial = Signal.like(s.remainder), Signal.like(s.trial)
         negative, bit = s.remainder[-1], ~remainder[-1]
         change = Mux(bit ^ negative, s.x + (s.x << 1), s.x)

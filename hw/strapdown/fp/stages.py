@@ -56,13 +56,14 @@ def shift_right_sticky(m, value, amount, name):
     return value
 
 
-def normalise(m, value, name, *, limit=None):
+def normalise(m, value, name, *, limit=None, levels=None):
     """``value`` shifted left until its top bit is one, but by no more than ``limit``, if given.
 
+    ``levels`` are the binary places of the distance to do, the lowest first; all, if not given.
     Returns (shifted value, distance). The distance is meaningless for a value of zero.
     """
     distance: list[Signal] = []
-    for level in reversed(range((len(value) - 1).bit_length())):
+    for level in reversed(range((len(value) - 1).bit_length()) if levels is None else levels):
         step = 1 << level
         shifted = Signal(len(value), name=f"{name}_by_{step}")
         moves = Signal(name=f"{name}_moves_{step}")

@@ -48,6 +48,11 @@ class Twin(Namespace):
         """A scalar of the kernel from an array over samples, or from a number."""
         return TwinValue(self, self.pool.format.array(number))
 
+    def given(self, array):
+        """What stands at a port or in a word of the state: rounded to the format, subnormals not flushed."""
+        fmt = self.pool.format
+        return TwinValue(self, fmt.from_bits(fmt.to_bits(array)))
+
     def negate(self, a):
         return TwinValue(self, -a.array)
 

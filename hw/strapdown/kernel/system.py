@@ -117,14 +117,13 @@ class System:
         with a status port: ``refused`` tells which samples, their outputs and state are NaN.
         """
         xp = Twin(pool)
-        inputs = {port: pool.format.array(array) for port, array in inputs.items()}
         with np.errstate(all="ignore"):
-            update = self._update(xp, xp.lift, lambda value: value.array, inputs, state)
-        if self.status_port:
-            refused = ~xp.finite
+            update = self._update(xp, xp.given, lambda value: value.array, inputs, state)
+            finite = xp.finite
             for array in inputs.values():
-                refused = refused | ~np.isfinite(array)
-            update["refused"] = refused
+                finite = finite & np.isfinite(xp.given(array).array)
+        if self.status_port:
+            update["refused"] = ~finite
         return update
 
     def _update(self, xp, wrap, unwrap, inputs, state):
