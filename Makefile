@@ -56,8 +56,9 @@ exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sq
 mutants: setup ## Put single faults into the operators; their tests must notice. ONLY=REGEX chooses files.
 	$(BIN)/python -m strapdown_sim.proof mutants --only '$(ONLY)'
 
-accuracy: $(VENV)/ready-accuracy ## Attitude filters on real recordings, beside published ones; RECORDINGS=folder.
+accuracy: $(VENV)/ready-accuracy ## Attitude filters on real recordings, beside published ones, for `make docs`; RECORDINGS=folder.
 	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
+	mkdir -p docs/report && cp build/accuracy/accuracy.json build/accuracy/accuracy.png docs/report
 
 lint: setup ## Check style, types, spelling and the direction of imports.
 	$(BIN)/ruff check .

@@ -1,7 +1,7 @@
 """Write the generated figures into README.md and docs/, the operators' pages, and the picture of the demo.
 
 Run by `make docs`, after `make demo`. The tests hold the files against the same functions. The figures of
-docs/report.md come from docs/report, where `make report` put them.
+docs/report.md and docs/flight.md come from docs/report, where `make report` and `make accuracy` put them.
 """
 
 import json
@@ -9,6 +9,7 @@ import re
 import shutil
 from pathlib import Path
 
+from strapdown_sim.accuracy import markdown_table
 from strapdown_sim.report.pages import PAGES, flags_table, index_table, page_text
 from strapdown_sim.report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 
@@ -64,6 +65,12 @@ def report_blocks():
             "operators": operator_tables(operators)}
 
 
+def accuracy_blocks():
+    """Tables of docs/flight.md, by the name of their block."""
+    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text())
+    return {f"{figure} error": markdown_table(result, figure).strip() for figure in ("total", "inclination")}
+
+
 def operator_pages():
     """Pages of docs/operators, by the name of their operator; with its resources where they have been measured."""
     figures = ROOT / "docs" / "report" / "operators.json"
@@ -91,7 +98,7 @@ def write_blocks(path, blocks):
 
 
 def main():
-    """Update README.md and docs/attitude.png from build/demo, docs/operators, and docs/report.md from docs/report."""
+    """Update README.md and docs/attitude.png from build/demo, docs/operators, and other pages from docs/report."""
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
     write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
                                       "configurations": configurations_block()})
@@ -99,8 +106,11 @@ def main():
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)
     write_blocks(ROOT / "docs" / "operators" / "README.md", operator_index_blocks())
-    if (ROOT / "docs" / "report" / "operators.json").exists():
+    figures = ROOT / "docs" / "report"
+    if (figures / "operators.json").exists() and (figures / "cores.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())
+    if (figures / "accuracy.json").exists():
+        write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
 
 
 if __name__ == "__main__":

@@ -79,10 +79,11 @@ def _place_labels(axes, labels, obstacles, **style):
                                   linespacing=1.2, zorder=5, **style, **own_style,
                                   path_effects=[withStroke(linewidth=2.5, foreground="white")])
             label.set_in_layout(False)
-            label.set_visible(False)
             box = label.get_window_extent()
+            label.set_visible(False)
             outside = box.width * box.height - _overlap(box, axes.bbox)
-            tried.append((sum(_overlap(box, other) for other in taken) + outside, place, label, box))
+            # To hide something is bad, to stick out of the axes is worse.
+            tried.append((sum(_overlap(box, other) for other in taken) + 4 * outside, place, label, box))
         *_, label, box = min(tried, key=lambda trial: trial[:2])
         label.set_visible(True)
         taken.append(box)
@@ -164,7 +165,7 @@ def _draw_operator(area, speed, operator, policies):
     area.set_title(operator, loc="left", fontweight="bold", fontsize=10)
     area.set_ylabel("LUTs, 7 series", fontsize=8)
     area.set_ylim(0, area.get_ylim()[1] * 1.08)
-    area.margins(x=0.12)
+    area.margins(x=0.2)  # room for names
     area.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=7))
     if bottom is speed:
         speed.set_visible(True)

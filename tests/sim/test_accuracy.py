@@ -54,3 +54,9 @@ def test_files(tmp_path):
     assert json.loads((tmp_path / "accuracy.json").read_text()) == made_up()
     assert "Not scored for want of a reference orientation: `four`." in path.read_text()
     assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_tables_in_the_docs_are_those_of_the_figures(root, update_docs):
+    text = (root / "docs" / "flight.md").read_text()
+    for name, content in update_docs.accuracy_blocks().items():
+        assert update_docs.block(text, name)[1].strip() == content
