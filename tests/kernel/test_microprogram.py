@@ -18,6 +18,7 @@ def interpret(program, inputs, memory, bank, fresh):
     units = {unit.name: unit for unit in program.units}
     lead = program.schedule.pool.memory_delay - 1  # the address of an operand stands in an earlier word
     ports = dict(zip(program.schedule.graph.inputs, FORMAT.array(inputs), strict=True))
+    aside = {}
     coming = {}  # (unit, cycle) to the result that comes out then
     for cycle, word in enumerate(program.words):
         def physical(address):
@@ -36,6 +37,8 @@ def interpret(program, inputs, memory, bank, fresh):
             source = program.operand_sources[fields["source"]]
             if source == "memory":
                 value = stored(early["address"])
+            elif source == "side":
+                value = aside[fields["address"] % program.side_depth]
             else:
                 value = bus if source == "bus" else coming[source, cycle]
             return -value if fields["negate"] else value
@@ -56,6 +59,8 @@ def interpret(program, inputs, memory, bank, fresh):
             coming[name, cycle + 1 + unit.latency] = result
         if write.get("enable") and (fresh or not write["restore"]):
             memory[physical(write["address"])] = int(FORMAT.to_bits(bus))
+        if side := word.get("side"):
+            aside[side["address"]] = coming[program.side_sources[side["source"]], cycle]
 
 
 POOLS = {
@@ -65,6 +70,7 @@ POOLS = {
         arctangents=0, private_ports=False, forwarding=False, operand_memory=MemoryStyle.BLOCK),
     "forwarding past a block memory": Pool(operand_memory=MemoryStyle.BLOCK),
     "two of each": Pool(adders=2, multipliers=2, dividers=2, arctangents=2),
+    "two buses": Pool(adders=2, multipliers=3, side_memory=True),
 }
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from strapdown.kernel.pool import Pool
+from strapdown.kernel.pool import MemoryStyle, Pool
 
 
 def test_every_operation_of_a_kernel_has_its_units():
@@ -31,3 +31,8 @@ def test_latencies_follow_the_parameters():
     assert Pool(adder_latency=6).operations["add"][0].latency == 6
     slow, fast = (Pool(divider_bits_per_cycle=bits).operations["sqrt"][0].latency for bits in (1, 2))
     assert slow > fast
+
+
+def test_a_side_memory_wants_operands_in_luts():
+    with pytest.raises(ValueError, match="^operand_memory must be distributed if there is a side memory$"):
+        Pool(operand_memory=MemoryStyle.BLOCK, side_memory=True)

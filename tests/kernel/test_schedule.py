@@ -128,3 +128,17 @@ def test_critical_path_leads_from_a_source_to_the_last_result():
     for before, step in pairwise(path):
         assert before.node in {operand.node for operand in step.node.operands}
     assert all(wait >= 0 for _, wait in result.critical_path)
+
+
+def test_what_lasts_or_decides_is_not_put_aside():
+    graph = ATTITUDE_CORES["INS_top"](THESIS).trace(POOL)
+    result = schedule(graph, replace(POOL, side_memory=True))
+    aside = {step.node for step in result.steps if step.stored and step.bus == "side"}
+    assert aside
+    assert aside.isdisjoint({*graph.outputs.values(), *graph.next_state.values()})
+    assert aside.isdisjoint(operand.node for node in graph.nodes for operand in node.operands[2:])
+    kept = next(index for index, step in enumerate(result.steps) if step.node in graph.next_state.values())
+    steps = list(result.steps)
+    steps[kept] = replace(steps[kept], bus="side")
+    with pytest.raises(AssertionError, match="wrong memory"):
+        replace(result, steps=tuple(steps)).verify()

@@ -30,7 +30,7 @@ THESIS_COMPACT = THESIS.replace(
 
 THESIS_FAST = THESIS.replace(
     name="thesis_fast", description="the same, fast: several operators of each kind",
-    pool=Pool(adders=2, adder_latency=4, multipliers=3, divider_bits_per_cycle=2, arctangents=3))
+    pool=Pool(adders=2, adder_latency=4, multipliers=3, divider_bits_per_cycle=2, arctangents=3, side_memory=True))
 
 MAHONY = AttitudeConfig(
     name="mahony",

@@ -66,7 +66,7 @@ def _operation(program, step):
 
 def _source(program, step, operand):
     source = program.operand_source(step, operand)
-    return _place(program, operand.node) if source == "memory" else f"<{source}>"
+    return _place(program, operand.node) if source in ("memory", "side") else f"<{source}>"
 
 
 def _place(program, node):
@@ -74,4 +74,5 @@ def _place(program, node):
     names = {kept: name for name, kept in program.schedule.graph.outputs.items()}
     names |= {kept: f"{name}'" for name, kept in program.schedule.graph.next_state.items()}
     name = names.get(node) or node.label
-    return f"[{program.addresses[node]}" + (f" {name}]" if name else "]")
+    memory = "side" if node in program.aside else ""
+    return f"{memory}[{program.addresses[node]}" + (f" {name}]" if name else "]")

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from strapdown.kernel.schedule import BUSES
+
 from .explain import kernel_line
 
 __all__ = ["schedule_summary", "schedule_picture"]
@@ -32,7 +34,9 @@ def schedule_picture(schedule, title, path):
     from matplotlib.patches import Patch
 
     units = [unit for unit in schedule.pool.units if any(step.unit == unit.name for step in schedule.steps)]
-    rows = {name: row for row, name in enumerate(["input", *(unit.name for unit in units), "result bus"])}
+    buses = [name for bus, name in BUSES.items()
+             if any(schedule.on_bus(step) and step.bus == bus for step in schedule.steps)]
+    rows = {name: row for row, name in enumerate(["input", *(unit.name for unit in units), *buses])}
     intervals = {unit.name: unit.interval for unit in units} | {"input": 1}
     colours = {section: f"C{index}" for index, section in enumerate(schedule.graph.sections)}
 
@@ -42,7 +46,7 @@ def schedule_picture(schedule, title, path):
         row, colour = rows[step.unit], colours[step.node.section] if step.node.computed else "0.55"
         bars = [(row, step.issue, max(step.write - step.issue, 1), 0.25), (row, step.issue, intervals[step.unit], 1)]
         if schedule.on_bus(step):
-            bars.append((rows["result bus"], step.write, 1, 1))
+            bars.append((rows[BUSES[step.bus]], step.write, 1, 1))
         for place, left, width, alpha in bars:
             axes.barh(place, width, left=left, height=0.8, color=colour, alpha=alpha, linewidth=0)
     critical = [(step.issue + 0.5, rows[step.unit]) for step, _ in schedule.critical_path]

@@ -1,5 +1,8 @@
 """The machine that runs a microprogram: sequencer, operand memory, operators, result bus."""
 
+from functools import reduce
+from operator import or_
+
 from amaranth import *
 from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
@@ -145,6 +148,9 @@ class Engine(wiring.Component):
         m.submodules.operands = operands = Memory(shape=program.format.width, depth=program.depth, init=program.initial,
                                                   attrs={"ram_style": pool.operand_memory.value})
         bus = Signal(number)
+        if program.side_depth:
+            m.submodules.side = side_memory = Memory(shape=program.format.width, depth=program.side_depth, init=[],
+                                                     attrs={"ram_style": MemoryStyle.DISTRIBUTED.value})
         components = {unit.name: unit.make() for unit in program.units}
         results = {name: Signal(number, name=f"{name}_result") for name in components}
         forwarded = {"bus": bus, **results}
@@ -155,7 +161,12 @@ class Engine(wiring.Component):
                 read = operands.read_port(domain="sync" if pool.operand_memory is MemoryStyle.BLOCK else "comb")
                 operand = Signal(number, name=f"port{port}_{side}", reset_less=True)
                 m.d.comb += read.addr.eq(fields.address)
-                choice = Array([read.data, *(Value.cast(forwarded[name]) for name in program.operand_sources[1:])])
+                found = {"memory": read.data, **forwarded}
+                if program.side_depth:
+                    side_read = side_memory.read_port(domain="comb")
+                    m.d.comb += side_read.addr.eq(fields.address)
+                    found["side"] = side_read.data
+                choice = Array([Value.cast(found[name]) for name in program.operand_sources])
                 m.d.sync += operand.eq(choice[fields.source] ^ (fields.negate << (program.format.width - 1)))
                 ports[port, side] = operand
 
@@ -184,6 +195,18 @@ class Engine(wiring.Component):
         writes = word.write.enable
         write = operands.write_port()
         m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(writes)]
+
+        written_values = [(writes, bus)]
+        if program.side_depth:
+            side = Signal(number)
+            with m.Switch(word.side.source):
+                for index, source in enumerate(program.side_sources):
+                    with m.Case(index):
+                        m.d.comb += side.eq(results[source])
+            side_write = side_memory.write_port()
+            m.d.comb += [side_write.addr.eq(word.side.address), side_write.data.eq(side),
+                         side_write.en.eq(word.side.enable)]
+            written_values.append((word.side.enable, side))
 
         # Conditions: the sign of a value, by its address.
         if "selector" in components:
@@ -220,7 +243,8 @@ class Engine(wiring.Component):
         if self.status_names:
             with m.If(idle):
                 m.d.sync += refused.eq(0)
-            with m.Elif(writes & (bus.exponent == program.format.exponent_special)):
+            with m.Elif(reduce(or_, (enable & (value.exponent == program.format.exponent_special)
+                                     for enable, value in written_values))):
                 m.d.sync += refused.eq(1)
             status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
             for name, shown in graph.status.items():

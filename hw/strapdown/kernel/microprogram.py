@@ -48,8 +48,16 @@ class Microprogram:
     @cached_property
     def sources(self):
         """What can be put on the result bus: the direct units' names, and "other"."""
+        return self._sources("main")
+
+    @cached_property
+    def side_sources(self):
+        """What can be put on the side bus: direct units' names."""
+        return self._sources("side")
+
+    def _sources(self, bus):
         seen = {step.unit if step.unit in self.schedule.direct else "other"
-                for step in self.schedule.steps if self.schedule.on_bus(step)}
+                for step in self.schedule.steps if self.schedule.on_bus(step) and step.bus == bus}
         return tuple(name for name in (*(unit.name for unit in self.units), "other") if name in seen)
 
     @cached_property
@@ -59,22 +67,27 @@ class Microprogram:
 
     @cached_property
     def operand_sources(self):
-        """Where an operand can come from: "memory", the pipelined units whose results are taken as they
-        come out, and "bus" for all other results."""
+        """Where an operand can come from: "memory", "side" memory, the pipelined units whose results are taken
+        as they come out, and "bus" for all other results."""
         found = {self.operand_source(step, operand) for step in self.schedule.steps
-                 for operand in step.node.operands[:2]} - {"memory"}
-        return ("memory", *(name for name in (*(unit.name for unit in self.units), "bus") if name in found))
+                 for operand in step.node.operands[:2]} | {"memory"}
+        return tuple(name for name in ("memory", "side", *(unit.name for unit in self.units), "bus") if name in found)
 
     def operand_source(self, step, operand):
         """One of ``operand_sources``: where ``step`` takes an operand from."""
         if not self.schedule.forwarded(step, operand):
-            return "memory"
+            return "side" if operand.node in self.aside else "memory"
         producer = self._unit_of[operand.node]
         return producer if producer in self.schedule.direct else "bus"
 
     @cached_property
     def _unit_of(self):
         return {step.node: step.unit for step in self.schedule.steps}
+
+    @cached_property
+    def aside(self):
+        """Nodes that are kept in the side memory."""
+        return {step.node for step in self.schedule.steps if step.stored and step.bus == "side"}
 
     @cached_property
     def read_ports(self):
@@ -112,23 +125,31 @@ class Microprogram:
             for operand in step.node.operands:
                 if not self.schedule.forwarded(step, operand):
                     last_read[operand.node] = max(last_read[operand.node], step.issue)
-        free_from: list[int] = []
-        base = self.state_words + len(self.constants)
+        free_from: dict[str, list[int]] = {"main": [], "side": []}
+        base = {"main": self.state_words + len(self.constants), "side": 0}
         for step in sorted(self.schedule.steps, key=lambda step: step.write):
             if step.node in addresses or not step.stored:
                 continue
             # An address may be written in the very cycle of its last read.
-            slot = next((slot for slot, free in enumerate(free_from) if free <= step.write), len(free_from))
-            if slot == len(free_from):
-                free_from.append(0)
-            free_from[slot] = self.length if step.node in kept else max(last_read[step.node], step.write + 1)
-            addresses[step.node] = base + slot
+            slots = free_from[step.bus]
+            slot = next((slot for slot, free in enumerate(slots) if free <= step.write), len(slots))
+            if slot == len(slots):
+                slots.append(0)
+            slots[slot] = self.length if step.node in kept else max(last_read[step.node], step.write + 1)
+            addresses[step.node] = base[step.bus] + slot
         return addresses
 
     @cached_property
     def used(self):
-        """Words of memory in use."""
-        return max([*self.addresses.values(), *self.constants.values(), self.state_words - 1]) + 1
+        """Words of memory in use, but for the side memory."""
+        return max([*(address for node, address in self.addresses.items() if node not in self.aside),
+                    *self.constants.values(), self.state_words - 1]) + 1
+
+    @cached_property
+    def side_depth(self):
+        """Words of side memory: a power of two, or 0 if there is none."""
+        used = max((self.addresses[node] for node in self.aside), default=-1) + 1
+        return 1 << (used - 1).bit_length() if used else 0
 
     @cached_property
     def depth(self):
@@ -161,6 +182,9 @@ class Microprogram:
         fields |= {
             "write": data.StructLayout({"enable": 1, "restore": 1, "address": address,
                                         "source": unsigned((len(self.sources) - 1).bit_length())}),
+            **({"side": data.StructLayout({"enable": 1, "address": unsigned((self.side_depth - 1).bit_length()),
+                                           "source": unsigned((len(self.side_sources) - 1).bit_length())})}
+               if self.side_depth else {}),
             "other": unsigned(max(1, (len(self.other_sources) - 1).bit_length())),
             "advance": 1,
         }
@@ -181,13 +205,17 @@ class Microprogram:
         graph = self.schedule.graph
         for step in self.schedule.steps:
             issue, write = words[step.issue], words[step.write]
-            if self.schedule.on_bus(step):
+            if step.bus == "side":
+                if step.stored:
+                    write["side"] = {"enable": 1, "source": self.side_sources.index(step.unit),
+                                     "address": self.addresses[step.node]}
+            elif self.schedule.on_bus(step):
                 direct = step.unit in self.schedule.direct
                 write["write"] = {"source": self.sources.index(step.unit if direct else "other")}
                 if not direct:
                     name = step.node.label if step.unit == "input" else step.unit
                     words[step.write - 1]["other"] = self.other_sources.index(name)
-            if step.stored:
+            if step.stored and step.bus == "main":
                 write["write"] |= {"enable": 1, "restore": int(step.node.operation == "state"),
                                    "address": self.addresses[step.node]}
             if step.unit == "input":
@@ -206,7 +234,10 @@ class Microprogram:
                 source, address, negated = operand
                 fields = issue.setdefault(f"port{unit.read_port}", {}).setdefault(side, {})
                 fields |= {"negate": int(negated), "source": self.operand_sources.index(source)}
-                if source == "memory":
+                if source == "side":
+                    # Beside the addresses that turn with the bank.
+                    fields["address"] = self.depth - self.side_depth + address
+                elif source == "memory":
                     early = words[step.issue - (self.schedule.pool.memory_delay - 1)]
                     early.setdefault(f"port{unit.read_port}", {}).setdefault(side, {})["address"] = address
             if len(operands) == 3:

@@ -10,7 +10,7 @@ from .pool import Pool
 from .schedule import Step
 from .trace import Graph, Node
 
-__all__ = ["ModuloSchedule", "ModuloStep", "modulo_schedule"]
+__all__ = ["ModuloSchedule", "modulo_schedule"]
 
 MEMORY_DELAY, CONDITION_DELAY = 2, 1
 """Least number of cycles between a result and its use: as an operand, whose address goes out a cycle
@@ -18,16 +18,6 @@ earlier, and as the condition of a choice, which waits in a register."""
 
 FIRST_INPUT, FIRST_ISSUE = 1, 2
 """Cycles of the first input and the first operation: what their addresses depend on is known by then."""
-
-
-@dataclass(frozen=True)
-class ModuloStep(Step):
-    """One node in time, as ``Step``, and the bus that takes its result to the memory of that name.
-
-    "main" is the memory of the state; "side" is a small one, without which results would queue.
-    """
-
-    bus: str = "main"
 
 
 @dataclass(frozen=True)
@@ -43,14 +33,14 @@ class ModuloSchedule:
         What is scheduled, and on what.
     interval : int
         Cycles between the begins of two updates.
-    steps : tuple of ModuloStep
+    steps : tuple of Step
         In order of issue.
     """
 
     graph: Graph
     pool: Pool
     interval: int
-    steps: tuple[ModuloStep, ...]
+    steps: tuple[Step, ...]
 
     @cached_property
     def written(self):
@@ -346,7 +336,7 @@ class _Attempt:
                 if self.issue[reader] - begin - issue - problem.delay[node] > most:
                     return None
             name = self.slow.get(node, unit.name if unit else "input")
-            steps.append(ModuloStep(node, name, issue, issue + problem.delay[node], bus=self.bus[node]))
+            steps.append(Step(node, name, issue, issue + problem.delay[node], bus=self.bus[node]))
         return tuple(sorted(steps, key=lambda step: step.issue))
 
     def _latest(self, node):

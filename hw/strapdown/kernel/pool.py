@@ -89,9 +89,11 @@ class Pool:
         Whether every adder and every multiplier has a pair of read ports to itself.
     operand_memory, microcode : MemoryStyle
         What the two memories are made of.
+    side_memory : bool
+        Whether there is a second result bus, with a memory of its own for results of adders and multipliers.
 
-    Raises: TypeError and ValueError for parameters that an operator refuses, and for counts
-    below one.
+    Raises: TypeError and ValueError for parameters that an operator refuses, for counts below one, and
+    for a side memory beside operands in block RAM.
     """
 
     format: FloatFormat = FLUSHED32
@@ -107,11 +109,14 @@ class Pool:
     private_ports: bool = True
     operand_memory: MemoryStyle = MemoryStyle.DISTRIBUTED
     microcode: MemoryStyle = MemoryStyle.BLOCK
+    side_memory: bool = False
 
     def __post_init__(self):
         for name, least in ("adders", 1), ("multipliers", 1), ("dividers", 1), ("arctangents", 0):
             if (count := operator.index(getattr(self, name))) < least:
                 raise ValueError(f"{name} must be at least {least}, not {count!r}")
+        if self.side_memory and self.operand_memory is not MemoryStyle.DISTRIBUTED:
+            raise ValueError("operand_memory must be distributed if there is a side memory")
         _ = self.units  # each operator checks its parameters
 
     @property

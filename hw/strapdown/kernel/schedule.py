@@ -2,14 +2,17 @@
 
 import random
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
 
 from .pool import Pool
 from .trace import Graph, Node
 
-__all__ = ["Step", "Schedule", "schedule"]
+__all__ = ["BUSES", "Step", "Schedule", "schedule"]
+
+BUSES = {"main": "result bus", "side": "side bus"}
+"""What people call the buses."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,8 @@ class Step:
     it is; for a state word, the unit that puts its reset value back (written only in the first
     update after a reset). In cycle ``issue`` its operands are fetched, from memory or straight
     from where a result comes out in that very cycle; ``write`` is the cycle in which its own result
-    can be on the result bus. ``stored`` tells whether it then goes into memory.
+    can be on the result bus. ``stored`` tells whether it then goes into memory. ``bus`` is "main", or "side"
+    for a bus that has a small memory of its own, without which results would queue.
     """
 
     node: Node
@@ -28,6 +32,7 @@ class Step:
     issue: int
     write: int
     stored: bool = True
+    bus: str = "main"
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ class Schedule:
         return {unit.name for unit in self.pool.units if unit.direct}
 
     def on_bus(self, step):
-        """Whether a step's result goes over the result bus."""
+        """Whether a step's result goes over a result bus."""
         return step.stored or step.unit not in self.direct
 
     @cached_property
@@ -112,13 +117,15 @@ class Schedule:
             waited.append(waits[path[-1]])
 
     def utilisation(self):
-        """Unit, or "result bus", to the share of cycles in which it is taken."""
+        """Unit or bus to the share of cycles in which it is taken."""
         units = {unit.name: unit for unit in self.pool.units}
         taken: Counter[str] = Counter()
         for step in self.steps:
             if step.unit in units:
                 taken[step.unit] += units[step.unit].interval
-        taken["result bus"] = sum(self.on_bus(step) for step in self.steps)
+        for step in self.steps:
+            if self.on_bus(step):
+                taken[BUSES[step.bus]] += 1
         return {name: count / self.length for name, count in taken.items()}
 
     def verify(self):
@@ -128,12 +135,14 @@ class Schedule:
         assert len(written) == len(self.steps), "a node is scheduled twice"
         assert set(written) == {node for node in self.graph.nodes if node.operation != "constant"}, "a node is missing"
         for resource, uses in (
-                ("result bus", [step.write for step in self.steps if self.on_bus(step)]),
+                ("result bus", [(step.bus, step.write) for step in self.steps if self.on_bus(step)]),
                 ("read port", [(units[step.unit].read_port, step.issue) for step in self.steps if step.unit in units])):
             busiest, count = Counter(uses).most_common(1)[0]
             assert count == 1, f"{resource} {busiest} is used {count} times"
         stored = {step.node for step in self.steps if step.stored}
         assert _kept(self.graph) <= stored, "a result is not stored"
+        aside = {step.node for step in self.steps if step.stored and step.bus == "side"}
+        assert aside <= _for_side_bus(self.graph, self.pool), "a result is in the wrong memory"
         last: dict[str, int] = {}
         for step in self.steps:
             if step.unit in units:
@@ -214,7 +223,7 @@ def _stored(graph, places):
             if operand.node in places and (_from_memory(position, operand) or places[operand.node].write != step.issue
                                            or not step.node.spreads):
                 fetched.add(operand.node)
-    return [Step(step.node, step.unit, step.issue, step.write, step.node in fetched) for step in places.values()]
+    return [replace(step, stored=step.node in fetched) for step in places.values()]
 
 
 def _delay(unit):
@@ -225,6 +234,15 @@ def _delay(unit):
 def _kept(graph):
     """Nodes that somebody looks for in memory when the update is over."""
     return {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
+
+
+def _for_side_bus(graph, pool):
+    """Nodes whose results may go over the side bus: of direct units, wanted in this update only, and not as conditions."""
+    if not pool.side_memory:
+        return frozenset()
+    conditions = {operand.node for node in graph.nodes for operand in node.operands[2:]}
+    return frozenset(node for node in graph.nodes if node.computed
+                     and all(unit.direct for unit in pool.operations[node.operation])) - _kept(graph) - conditions
 
 
 def _from_memory(position, operand):
@@ -262,6 +280,7 @@ class _Table:
         for node in self.nodes:
             self.to_come[node] = max((self.to_come[operand] + self.delay[operand] + self._least_wait(from_memory)
                                       for operand, from_memory in self.operands[node]), default=0)
+        self.for_side_bus = _for_side_bus(graph, pool)
         self.chains = self._chains(graph)
         self.chain_of = {node: chain for chain in self.chains for node in chain}
 
@@ -330,7 +349,8 @@ class _Table:
         assert len(places) == len(self.nodes)
         # The address of the first operand goes out before the cycle in which it comes.
         first = min(step.issue for step in places.values()) - (self.pool.memory_delay - 1)
-        return {node: Step(node, step.unit, step.issue - first, step.write - first) for node, step in places.items()}
+        return {node: replace(step, issue=step.issue - first, write=step.write - first)
+                for node, step in places.items()}
 
     def _place(self, chain, places, taken, late):
         """Add the steps of a chain to ``places``, and what they take up to ``taken``."""
@@ -360,17 +380,23 @@ class _Table:
                 if needs is not None:
                     break
             cycle += sign
-        units, slots = needs
+        units, bus, slots = needs
         taken |= slots
         for node, offset, unit in zip(chain, offsets, units, strict=True):
-            places[node] = Step(node, unit.name if unit else "input", cycle + offset, cycle + offset + self.delay[node])
+            places[node] = Step(node, unit.name if unit else "input", cycle + offset, cycle + offset + self.delay[node],
+                                bus=bus if node is chain[-1] else "main")
 
     def _needs(self, chain, offsets, cycle, taken):
-        """Units for the nodes of a chain that starts in ``cycle``, and the slots they take up; None if not free."""
-        tail = ("bus", cycle + offsets[-1] + self.delay[chain[-1]])
-        if tail in taken:
+        """Units for the nodes of a chain that starts in ``cycle``, the bus of its last result, and the slots they take up.
+
+        None if not free.
+        """
+        write = cycle + offsets[-1] + self.delay[chain[-1]]
+        buses = ("side", "main") if chain[-1] in self.for_side_bus else ("main",)
+        bus = next((bus for bus in buses if (bus, write) not in taken), None)
+        if bus is None:
             return None
-        slots, chosen = {tail}, []
+        slots, chosen = {(bus, write)}, []
         for node, offset in zip(chain, offsets, strict=True):
             issue = cycle + offset
             for unit in self.units[node]:
@@ -384,4 +410,4 @@ class _Table:
                 unit, wanted = None, set()
             slots |= wanted
             chosen.append(unit)
-        return chosen, slots
+        return chosen, bus, slots
