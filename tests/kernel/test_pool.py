@@ -34,5 +34,5 @@ def test_latencies_follow_the_parameters():
 
 
 def test_a_side_memory_wants_operands_in_luts():
-    with pytest.raises(ValueError, match="^operand_memory must be distributed if there is a side memory$"):
+    with pytest.raises(ValueError, match=r"^operand_memory must be distributed if there is a side memory$"):
         Pool(operand_memory=MemoryStyle.BLOCK, side_memory=True)

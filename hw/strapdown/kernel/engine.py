@@ -198,15 +198,15 @@ class Engine(wiring.Component):
 
         written_values = [(writes, bus)]
         if program.side_depth:
-            side = Signal(number)
+            aside = Signal(number, name="side")
             with m.Switch(word.side.source):
                 for index, source in enumerate(program.side_sources):
                     with m.Case(index):
-                        m.d.comb += side.eq(results[source])
+                        m.d.comb += aside.eq(results[source])
             side_write = side_memory.write_port()
-            m.d.comb += [side_write.addr.eq(word.side.address), side_write.data.eq(side),
+            m.d.comb += [side_write.addr.eq(word.side.address), side_write.data.eq(aside),
                          side_write.en.eq(word.side.enable)]
-            written_values.append((word.side.enable, side))
+            written_values.append((word.side.enable, aside))
 
         # Conditions: the sign of a value, by its address.
         if "selector" in components:

@@ -237,7 +237,7 @@ def _kept(graph):
 
 
 def _for_side_bus(graph, pool):
-    """Nodes whose results may go over the side bus: of direct units, wanted in this update only, and not as conditions."""
+    """Nodes whose results may go over the side bus: of direct units, not kept, and not wanted as conditions."""
     if not pool.side_memory:
         return frozenset()
     conditions = {operand.node for node in graph.nodes for operand in node.operands[2:]}
@@ -387,9 +387,9 @@ class _Table:
                                 bus=bus if node is chain[-1] else "main")
 
     def _needs(self, chain, offsets, cycle, taken):
-        """Units for the nodes of a chain that starts in ``cycle``, the bus of its last result, and the slots they take up.
+        """For a chain that starts in ``cycle``: units of its nodes, bus of its last result, slots they take up.
 
-        None if not free.
+        None if they are not free.
         """
         write = cycle + offsets[-1] + self.delay[chain[-1]]
         buses = ("side", "main") if chain[-1] in self.for_side_bus else ("main",)
