@@ -67,7 +67,8 @@ def core_design(entry, build):
         raise RuntimeError(f"{entry.module} says {core.latency} cycles and takes {counted}")
     return Design({
         "module": entry.module, "config": entry.config.name, "latency": counted[0], "cycles": counted[1],
-        "verilog_sha256": digest(text)}, text, entry.module)
+        "verilog_sha256": digest(text)}, text, entry.module,
+        entry.placed)
 
 
 def digest(text):

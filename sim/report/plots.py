@@ -28,7 +28,7 @@ def core_plot(path, report):
     software = [anchor for anchor in CORE_ANCHORS if anchor.lut is None]
     public = [(anchor, anchor.microseconds, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
     labels = [((time, lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": _INK}) for anchor, time, lut in public]
-    for names, row in _merged(report["cores"]):
+    for names, row in _merged([row for row in report["cores"] if "ecp5" in row]):
         labels.append(((microseconds(row), row["xc7"]["lut"]), f"{', '.join(names)}\n{row['xc7']['dsp']} DSP",
                        {"color": _OURS, "fontweight": "bold"}))
     for anchor, time, lut in public:

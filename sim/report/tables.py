@@ -58,15 +58,14 @@ def _best(row):
 
 def core_table(report):
     """The table of ``cores.json``."""
-    placed = all("ecp5" in row for row in report["cores"])
     head = ["module", "configuration", "cycles:", "LUT:", "of these memory:", "FF:", "DSP:", "BRAM:", "MHz, ECP5:"]
     rows = [[f"`{row['module']}`", f"`{row['config']}`", _cycles(row), f"{row['xc7']['lut']:,}",
              row["xc7"]["memory_lut"], f"{row['xc7']['ff']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}",
              _frequency(row)] for row in report["cores"]]
-    if placed:
+    if any("ecp5" in row for row in report["cores"]):
         head.append("µs an update:")
         for cells, row in zip(rows, report["cores"], strict=True):
-            cells.append(f"{microseconds(row):.2f}")
+            cells.append(f"{microseconds(row):.2f}" if "ecp5" in row else "–")
     return markdown_table(head, rows)
 
 

@@ -10,11 +10,15 @@ from strapdown_sim.drivers.toolchain import icarus_missing
 from strapdown.cores import ATTITUDE_CORES
 
 BUILD = Path(__file__).parents[2] / "build" / "sim"
-SIMULATORS = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("icarus", "verilator")]
 CONFIGS = dict.fromkeys(ATTITUDE_CORES, "thesis") | {
     "INS_flight": "flight", "QUAT_direct": "quaternion_j2", "SINS_top": "sins"}
 OWN_BENCHES = {module: f"strapdown_sim.bench.bench_{module.lower()}"
                for module in ("INS_top", "INS_flight", "QUAT_direct", "SINS_top")}
+# `make test` has most modules on Icarus only, because tests/cores runs their circuits in Verilator anyway.
+RUNS = [pytest.param(module, simulator, marks=[
+            getattr(pytest.mark, simulator),
+            *([pytest.mark.sim_only] if simulator == "verilator" and module not in OWN_BENCHES else [])])
+        for module in CONFIGS for simulator in ("icarus", "verilator")]
 # So that an alignment is soon over.
 CHANGES = {"SINS_top": {"alignment_samples": 3}}
 
@@ -32,8 +36,7 @@ def test_file_compiled_as_systemverilog_behaves_alike(module):
     run_bench(benches(module), module, "thesis", "icarus", BUILD / "icarus-2012" / module, language="2012")
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
-@pytest.mark.parametrize("module", CONFIGS)
+@pytest.mark.parametrize(("module", "simulator"), RUNS)
 def test_bench(module, simulator):
     if simulator == "icarus" and (missing := icarus_missing()):
         pytest.skip(missing)

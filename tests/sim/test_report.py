@@ -82,12 +82,10 @@ def test_pictures_are_equal_for_equal_figures(tmp_path):
         assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
 
 
-def test_measured_operators_are_json_and_equal_on_every_run(tmp_path):
+def test_measured_operators_are_json(tmp_path):
     _needs_yosys()
     entry = next(entry for entry in OPERATORS if entry.operator == "less")
-    rows = [measure([operator_design(entry)], Cache(tmp_path / name), place=False) for name in "12"]
-    assert json.dumps(rows[0]) == json.dumps(rows[1])
-    (row,) = rows[0]
+    (row,) = json.loads(json.dumps(measure([operator_design(entry)], Cache(tmp_path), place=False)))
     assert (row["component"], row["formats"], row["subnormals"], row["latency"]) == \
         ("FpRelation", ["binary32"], "flush", 1)
     assert row["xc7"]["ff"] == 2  # the result and ``done``
