@@ -13,9 +13,10 @@ from .base import Config
 __all__ = ["SINS", "SINS_DAMPED", "SinsConfig"]
 
 
-DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH), dividers=1, operand_memory=MemoryStyle.BLOCK)
-"""Operators in binary64, operands in block RAM: there are more than LUTs would hold cheaply. A second bit a cycle
-in the divider would save a fifth of the cycles and cost as much of the clock frequency."""
+DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH), dividers=1, divider_bits_per_cycle=2,
+                   operand_memory=MemoryStyle.BLOCK)
+"""Operators in binary64, operands in block RAM: there are more than LUTs would hold cheaply. The adder sets the clock
+frequency, so that two bits a cycle in the divider cost nothing."""
 
 
 class SinsConfig(Config):

@@ -34,9 +34,6 @@ class DigitRecurrence(wiring.Component):
     Li and Chu, A new non-restoring square root algorithm, ICCD 1996.
     """
 
-    # Bits of R before its point beyond those of a quotient's, which stays between -B and B: a root's, below 4.
-    _headroom = 1
-
     # The registers that a step changes.
     _stepped: tuple[str, ...] = ("remainder", "divisor", "place", "quotient")
 
@@ -163,7 +160,7 @@ class DigitRecurrence(wiring.Component):
         # Weights: bit 0 of remainder, divisor and place is that of the last quotient bit.
         last = self._bits - 1
         half = a_significand << (last - fmt.precision)
-        remainder, divisor, place = Signal(last + 2 + self._headroom), Signal(last + 2), Signal(last + 1)
+        remainder, divisor, place = Signal(last + 3), Signal(last + 2), Signal(last + 1)
         m.d.comb += [
             remainder.eq(Mux(scale, half << 1, half)),
             divisor.eq(Mux(square_root, 0, b_significand << (last - fmt.fraction_width))),
@@ -216,8 +213,8 @@ class DigitRecurrence(wiring.Component):
         return states[1:]
 
     def _low_zeros(self, step):
-        """Low bits of T in a step that are zero whatever the operands."""
-        return self._bits - self._format.precision
+        """Low bits of T in a step that are zero whatever the operands, as far as it pays to leave them out."""
+        return 0
 
     @property
     def _needs_exactness(self):
@@ -286,7 +283,6 @@ class FpDivide(DigitRecurrence):
     """
 
     _select = C(0)
-    _headroom = 0
 
     def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout, "b": format.layout}, bits_per_cycle=bits_per_cycle,
