@@ -59,7 +59,7 @@ def test_file_explains_itself(core, verilog):
         assert re.search(rf"^//   {port} ", header, re.MULTILINE), port
     told = description(core, THESIS_X8, "")
     assert told["latency_cycles"] == core.latency
-    assert told["interval_cycles"] == core.engine.interval == 110
+    assert told["interval_cycles"] == core.engine.interval == THESIS_X8.interval
     assert told["channels"] == 8
     assert modules_of(THESIS_X8) == ("INS_top_x8",)
     assert modules_of(THESIS_X8.replace(channels=4)) == ("INS_top_x4",)

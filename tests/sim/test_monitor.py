@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import tty
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -173,7 +174,9 @@ def test_pseudo_terminal(frames, numbers, tmp_path):
     tty.setraw(slave)
     output = tmp_path / "nav.csv"
     with subprocess.Popen([sys.executable, "-m", "strapdown", "monitor", os.ttyname(slave), "--output", str(output)],
-                          stdout=subprocess.PIPE, text=True) as process:
+                          stdout=subprocess.PIPE, text=True,
+                          # Whoever starts the tests in the background may have Ctrl-C ignored.
+                          preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL)) as process:
         data = b"".join(frames)
         for start in range(0, len(data), 500):
             os.write(master, data[start:start + 500])
