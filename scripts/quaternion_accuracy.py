@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 from strapdown_sim.drivers.toolchain import run_tool
 from strapdown_sim.reference import quaternion as exact
+from strapdown_sim.twin import checked_twin
 from update_docs import ROOT, write_blocks
 
 from strapdown.config import QUATERNION_J2
 from strapdown.cores import quat_direct
 from strapdown.fp import BINARY32, BINARY64, Subnormals
-from strapdown.kernel.numeric import Float64
 from strapdown.kernel.pool import Pool
+from strapdown.kernel.value import Namespace, Value
 
 UPDATES = 1_000_000
 RATES = ("in_p", "in_q", "in_r")
@@ -43,57 +44,47 @@ void run(long count, const {type} *omega, {type} *e)
 """
 
 
-class Symbol:
-    """A number of the equations; each operation on it writes a line of C."""
+class CCode(Namespace):
+    """The namespace in which each operation of the equations writes a line of C, and conditions are known."""
 
-    def __init__(self, name, lines, dtype):
-        self.name, self.lines, self.dtype = name, lines, dtype
+    def __init__(self, pool):
+        super().__init__(pool)
+        self.type = C_TYPES[pool.format.width]
+        self.lines: list[str] = []
 
-    def _operation(self, a, sign, b):
-        names = (x.name if isinstance(x, Symbol) else f"({C_TYPES[8 * self.dtype.itemsize]}){float(x).hex()}"
-                 for x in (a, b))
+    def symbol(self, text):
+        """The value of an expression in C."""
+        value = Value(self)
+        value.text = text
+        return value
+
+    def lift(self, number):
+        return self.symbol(f"({self.type}){number.hex()}")
+
+    def negate(self, a):
+        return self.symbol(f"(-{a.text})")
+
+    def apply(self, operation, *operands):
         name = f"t{len(self.lines)}"
-        self.lines.append(f"const {C_TYPES[8 * self.dtype.itemsize]} {name} = {sign.join(names)};")
-        return Symbol(name, self.lines, self.dtype)
+        sign = {"add": " + ", "multiply": " * "}[operation]
+        self.lines.append(f"const {self.type} {name} = {sign.join(operand.text for operand in operands)};")
+        return self.symbol(name)
 
-    def __add__(self, other):
-        return self._operation(self, " + ", other)
+    def is_negative(self, a):
+        raise TypeError("nothing is chosen by what is computed")
 
-    def __sub__(self, other):
-        return self._operation(self, " - ", other)
-
-    def __mul__(self, other):
-        return self._operation(self, " * ", other)
-
-    def __radd__(self, other):
-        return self._operation(other, " + ", self)
-
-    def __rsub__(self, other):
-        return self._operation(other, " - ", self)
-
-    def __rmul__(self, other):
-        return self._operation(other, " * ", self)
-
-    def __neg__(self):
-        return Symbol(f"(-{self.name})", self.lines, self.dtype)
-
-
-class Symbols(Float64):
-    """The namespace of symbols, in which conditions are known."""
-
-    @staticmethod
-    def select(condition, a, b):
+    def select(self, condition, a, b):
         return a if condition else b
 
 
-def program(system, dtype):
+def program(system, pool):
     """The equations without a load as a C function over many updates."""
-    lines: list[str] = []
-    omega, e = (tuple(Symbol(name, lines, dtype) for name in names) for names in ("pqr", WORDS))
-    update = system.equations(Symbols, omega=omega, e=e, load=0.0, start=(0.0,) * 4)
-    stores = [f"e[4 * k + {index}] = {symbol.name};" for index, symbol in enumerate(update.state["e"])]
+    xp = CCode(pool)
+    omega, e = (tuple(map(xp.symbol, names)) for names in ("pqr", WORDS))
+    update = system.equations(xp, omega=omega, e=e, load=0.0, start=(0.0,) * 4)
+    stores = [f"e[4 * k + {index}] = {value.text};" for index, value in enumerate(update.state["e"])]
     stores += [f"{word} = e[4 * k + {index}];" for index, word in enumerate(WORDS)]
-    return PROGRAM.format(type=C_TYPES[8 * dtype.itemsize], lines="\n    ".join(lines), stores="\n    ".join(stores))
+    return PROGRAM.format(type=xp.type, lines="\n    ".join(xp.lines), stores="\n    ".join(stores))
 
 
 def run(config, rates):
@@ -106,7 +97,7 @@ def run(config, rates):
     q = np.empty((len(rates), 4), fmt.dtype)
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder, "run.c"), Path(folder, "run.so")
-        source.write_text(program(system, fmt.dtype))
+        source.write_text(program(system, config.pool))
         # No fused multiply-add: the circuit rounds the product too.
         run_tool(["gcc", "-O2", "-ffp-contract=off", "-shared", "-fPIC", source, "-o", library])
         pointer = ctypes.c_void_p
@@ -114,10 +105,8 @@ def run(config, rates):
     before = np.concatenate((fmt.array([[1, 0, 0, 0]]), q[:-1]))
     inputs = dict(zip(RATES, rates.T, strict=True)) | dict.fromkeys(
         ("in_load_en", "in_e0", "in_e1", "in_e2", "in_e3"), fmt.array(np.zeros(len(rates))))
-    twin = system.update_twin(config.pool, inputs, dict(zip(WORDS, before.T, strict=True)))
-    for k, word in enumerate(WORDS):
-        if differing := int((fmt.to_bits(twin[word]) != fmt.to_bits(q[:, k])).sum()):
-            raise RuntimeError(f"{differing} of {len(q)} updates of {word} are not the twin's")
+    states = (dict(zip(WORDS, columns.T, strict=True)) for columns in (before, q))
+    checked_twin(system, config.pool, inputs, *states)
     return q.astype(float)
 
 

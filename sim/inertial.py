@@ -17,6 +17,7 @@ from .recordings import read_recording
 from .reference.attitude import matrix_from_quaternion
 from .reference.sins import Navigator, platform_from_geodetic, rotation
 from .stimuli.flight import WGS84
+from .twin import checked_twin
 
 __all__ = ["Leg", "Run", "car_leg", "quadrotor_legs", "run_reference", "run_twin", "track_errors"]
 
@@ -136,7 +137,7 @@ def run_twin(leg):
     with the twin, all at once. Raises: RuntimeError if a bit of the state differs.
     """
     config = SINS.replace(sample_rate_hz=1 / leg.period_s, earth="wgs84")
-    system, fmt, lanes = sins_top(config), config.pool.format, len(leg.q_b2n)
+    system, lanes = sins_top(config), len(leg.q_b2n)
     zero = dict.fromkeys(system.input_ports, 0.0)
     ports = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz")
     samples = np.concatenate([leg.omega_b, leg.f_b], axis=-1)
@@ -154,10 +155,7 @@ def run_twin(leg):
                      for states in (kept[:-1], kept[1:]))
     inputs = dict.fromkeys(system.input_ports, np.zeros(samples.shape[:2])) | dict(
         zip(ports, np.moveaxis(samples, -1, 0), strict=True))
-    twin = system.update_twin(config.pool, inputs, before)
-    for word, values in after.items():
-        if differing := int((fmt.to_bits(twin[word]) != fmt.to_bits(values)).sum()):
-            raise RuntimeError(f"{differing} of {values.size} updates of {word} are not the twin's")
+    twin = checked_twin(system, config.pool, inputs, before, after)
     angles = np.radians(twin["out_latitude"]), np.radians(twin["out_longitude"])
     velocity = np.stack([twin[f"out_v{name}"] for name in ("east", "north", "up")], axis=-1)
     return Run(_local(leg, *angles, twin["out_height"]), velocity)

@@ -74,5 +74,5 @@ def _place(program, node):
     names = {kept: name for name, kept in program.schedule.graph.outputs.items()}
     names |= {kept: f"{name}'" for name, kept in program.schedule.graph.next_state.items()}
     name = names.get(node) or node.label
-    memory = "side" if node in program.aside else ""
+    memory = "side" if node in program.schedule.aside else ""
     return f"{memory}[{program.addresses[node]}" + (f" {name}]" if name else "]")

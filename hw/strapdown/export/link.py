@@ -1,6 +1,5 @@
 """Verilog and JSON of a core with its serial link."""
 
-import json
 from importlib.metadata import version
 
 from amaranth.back import verilog
@@ -8,7 +7,7 @@ from amaranth.back import verilog
 from strapdown.link import LAYOUT, NAVIGATION
 
 from .tidy import tidy
-from .verilog import comment, configuration, paragraph, ports, table, versions
+from .verilog import comment, configuration, paragraph, ports, table, versions, write_files
 
 __all__ = ["link_description", "link_text", "write_link"]
 
@@ -65,8 +64,4 @@ def link_description(linked, config, command):
 
 def write_link(linked, config, directory, command):
     """Write ``SINS_uart.v`` and ``SINS_uart.json`` into ``directory``; returns the Verilog's path."""
-    directory.mkdir(parents=True, exist_ok=True)
-    path = directory / f"{NAME}.v"
-    path.write_text(link_text(linked, config))
-    path.with_suffix(".json").write_text(json.dumps(link_description(linked, config, command), indent=2) + "\n")
-    return path
+    return write_files(directory / f"{NAME}.v", link_text(linked, config), link_description(linked, config, command))

@@ -147,8 +147,13 @@ def description(core, config, command):
 
 def write_core(core, config, directory, command):
     """Write ``<module>.v`` and ``<module>.json`` into ``directory``; returns the Verilog's path."""
-    directory.mkdir(parents=True, exist_ok=True)
-    path = directory / f"{core.system.name}.v"
-    path.write_text(verilog_text(core, config))
-    path.with_suffix(".json").write_text(json.dumps(description(core, config, command), indent=2) + "\n")
+    return write_files(directory / f"{core.system.name}.v", verilog_text(core, config),
+                       description(core, config, command))
+
+
+def write_files(path, text, facts):
+    """Write a Verilog file, and what is to be said of it as JSON beside it; returns the path of the first."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    path.with_suffix(".json").write_text(json.dumps(facts, indent=2) + "\n")
     return path

@@ -208,8 +208,8 @@ class DigitRecurrence(wiring.Component):
         """The states after each step of one cycle, ``first`` being the number of its first step, if known."""
         states = [s]
         for index in range(self._bits_per_cycle):
-            known = {} if first is None else {"low": self._low_zeros(first + index)}
-            states.append(self._step(m, states[-1], **known))
+            low = 0 if first is None else self._low_zeros(first + index)
+            states.append(self._step(m, states[-1], low))
         return states[1:]
 
     def _low_zeros(self, step):

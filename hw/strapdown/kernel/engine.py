@@ -188,10 +188,7 @@ class Engine(wiring.Component):
         results |= dict(zip(graph.inputs, captured, strict=True))
         results["other"] = other = Signal(number, name="other", reset_less=True)
         m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
-        with m.Switch(word.write.source):
-            for index, source in enumerate(program.sources):
-                with m.Case(index):
-                    m.d.comb += bus.eq(results[source])
+        _choose(m, bus, word.write.source, [results[name] for name in program.sources])
         writes = word.write.enable
         write = operands.write_port()
         m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(writes)]
@@ -199,10 +196,7 @@ class Engine(wiring.Component):
         written_values = [(writes, bus)]
         if program.side_depth:
             aside = Signal(number, name="side")
-            with m.Switch(word.side.source):
-                for index, source in enumerate(program.side_sources):
-                    with m.Case(index):
-                        m.d.comb += aside.eq(results[source])
+            _choose(m, aside, word.side.source, [results[name] for name in program.side_sources])
             side_write = side_memory.write_port()
             m.d.comb += [side_write.addr.eq(word.side.address), side_write.data.eq(aside),
                          side_write.en.eq(word.side.enable)]
@@ -258,6 +252,14 @@ class Engine(wiring.Component):
             with m.If(start):
                 m.d.sync += status[IGNORED].eq(~idle)
         return m
+
+
+def _choose(m, bus, source, results):
+    """Put the result of the number ``source`` on a bus."""
+    with m.Switch(source):
+        for index, result in enumerate(results):
+            with m.Case(index):
+                m.d.comb += bus.eq(result)
 
 
 def _field(fields, path):

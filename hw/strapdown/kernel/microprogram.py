@@ -76,18 +76,13 @@ class Microprogram:
     def operand_source(self, step, operand):
         """One of ``operand_sources``: where ``step`` takes an operand from."""
         if not self.schedule.forwarded(step, operand):
-            return "side" if operand.node in self.aside else "memory"
+            return "side" if operand.node in self.schedule.aside else "memory"
         producer = self._unit_of[operand.node]
         return producer if producer in self.schedule.direct else "bus"
 
     @cached_property
     def _unit_of(self):
         return {step.node: step.unit for step in self.schedule.steps}
-
-    @cached_property
-    def aside(self):
-        """Nodes that are kept in the side memory."""
-        return {step.node for step in self.schedule.steps if step.stored and step.bus == "side"}
 
     @cached_property
     def read_ports(self):
@@ -142,13 +137,13 @@ class Microprogram:
     @cached_property
     def used(self):
         """Words of memory in use, but for the side memory."""
-        return max([*(address for node, address in self.addresses.items() if node not in self.aside),
+        return max([*(address for node, address in self.addresses.items() if node not in self.schedule.aside),
                     *self.constants.values(), self.state_words - 1]) + 1
 
     @cached_property
     def side_depth(self):
         """Words of side memory: a power of two, or 0 if there is none."""
-        used = max((self.addresses[node] for node in self.aside), default=-1) + 1
+        used = max((self.addresses[node] for node in self.schedule.aside), default=-1) + 1
         return 1 << (used - 1).bit_length() if used else 0
 
     @cached_property
@@ -205,19 +200,18 @@ class Microprogram:
         graph = self.schedule.graph
         for step in self.schedule.steps:
             issue, write = words[step.issue], words[step.write]
-            if step.bus == "side":
-                if step.stored:
-                    write["side"] = {"enable": 1, "source": self.side_sources.index(step.unit),
-                                     "address": self.addresses[step.node]}
+            if step.node in self.schedule.aside:
+                write["side"] = {"enable": 1, "source": self.side_sources.index(step.unit),
+                                 "address": self.addresses[step.node]}
             elif self.schedule.on_bus(step):
                 direct = step.unit in self.schedule.direct
                 write["write"] = {"source": self.sources.index(step.unit if direct else "other")}
                 if not direct:
                     name = step.node.label if step.unit == "input" else step.unit
                     words[step.write - 1]["other"] = self.other_sources.index(name)
-            if step.stored and step.bus == "main":
-                write["write"] |= {"enable": 1, "restore": int(step.node.operation == "state"),
-                                   "address": self.addresses[step.node]}
+                if step.stored:
+                    write["write"] |= {"enable": 1, "restore": int(step.node.operation == "state"),
+                                       "address": self.addresses[step.node]}
             if step.unit == "input":
                 continue
             unit = units[step.unit]

@@ -82,6 +82,11 @@ class Schedule:
         """Names of the units whose results can be operands without the result bus."""
         return {unit.name for unit in self.pool.units if unit.direct}
 
+    @cached_property
+    def aside(self):
+        """Nodes that are kept in the side memory."""
+        return {step.node for step in self.steps if step.stored and step.bus == "side"}
+
     def on_bus(self, step):
         """Whether a step's result goes over a result bus."""
         return step.stored or step.unit not in self.direct
@@ -141,8 +146,7 @@ class Schedule:
             assert count == 1, f"{resource} {busiest} is used {count} times"
         stored = {step.node for step in self.steps if step.stored}
         assert _kept(self.graph) <= stored, "a result is not stored"
-        aside = {step.node for step in self.steps if step.stored and step.bus == "side"}
-        assert aside <= _for_side_bus(self.graph, self.pool), "a result is in the wrong memory"
+        assert self.aside <= _for_side_bus(self.graph, self.pool), "a result is in the wrong memory"
         last: dict[str, int] = {}
         for step in self.steps:
             if step.unit in units:
