@@ -9,6 +9,7 @@ import threading
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -85,13 +86,15 @@ class VerilatedModel:
     """
 
     DRIVER = files(__package__) / "verilated.cpp"
+    # More flags of g++.
+    FLAGS: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, verilog, interface, build):
         self.interface = interface
         build = Path(build).resolve()
         driver = self.DRIVER.read_text()
         key = hashlib.sha256("\0".join((
-            Path(verilog).read_text(), interface.header(), repr(interface.probes), driver,
+            Path(verilog).read_text(), interface.header(), repr(interface.probes), driver, *self.FLAGS,
             str(verilator_root()))).encode()).hexdigest()[:16]
         directory = build / f"{interface.top}-{key}"
         self._executable = directory / "model"
@@ -125,8 +128,8 @@ class VerilatedModel:
         (partial / "all.cc").write_text("\n".join(
             [*(f'#include "{name}"' for name in fast), '#pragma GCC optimize("O0")',
              *(f'#include "{name}"' for name in slow), ""]))
-        run_tool(["g++", *compile_flags(), f"-I{partial}", "-include", header, partial / "all.cc", *objects,
-                  "-o", partial / "model"])
+        run_tool(["g++", *compile_flags(), *self.FLAGS, f"-I{partial}", "-include", header, partial / "all.cc",
+                  *objects, "-o", partial / "model"])
         shutil.rmtree(directory, ignore_errors=True)
         partial.rename(directory)
 

@@ -1,10 +1,10 @@
-// Runs a Verilated operator of one 32-bit operand over a range of operands and compares every result
-// with an expectation that is made here, from the host's arithmetic or from integers. The generated
-// ports.h names the module, its operand and its result.
+// Runs Verilated copies of an operator of one 32-bit operand over a range of operands and compares every
+// result with an expectation that is made here, from the host's arithmetic or from integers. The generated
+// ports.h names the module, and each copy's operand and result. All copies are started together.
 //
 //   MODEL EXPECTATION FLUSH LATENCY INTERVAL FIRST COUNT
 //
-// FLUSH is 1 if subnormals count as zeros. Prints a line "operand got wanted" in hexadecimal for each of the
+// FLUSH is 1 if subnormals count as zeros; COUNT is a multiple of the number of copies. Prints a line "operand got wanted" in hexadecimal for each of the
 // first ten mismatches, then a line with the number of mismatches. Status 3: done was not where it belongs.
 #include <cmath>
 #include <cstdint>
@@ -108,7 +108,8 @@ static const struct {
 static uint32_t flushed(uint32_t bits) { return (bits & ~SIGN) < LEAST_NORMAL ? bits & SIGN : bits; }
 
 int main(int argc, char **argv) {
-    if (argc != 7) return 2;
+    const uint64_t lanes = INPUT_COUNT;
+    if (argc != 7 || strtoull(argv[6], nullptr, 0) % lanes) return 2;
     const auto *expectation = EXPECTATIONS;
     for (; strcmp(expectation->name, argv[1]); expectation++)
         if (expectation + 1 == EXPECTATIONS + sizeof EXPECTATIONS / sizeof *EXPECTATIONS) return 2;
@@ -122,30 +123,34 @@ int main(int argc, char **argv) {
     dut->RESET = !RESET_ACTIVE;
 
     uint64_t mismatches = 0;
-    const uint64_t cycles = (count - 1) * interval + latency + 1;
+    const uint64_t cycles = (count / lanes - 1) * interval + latency + 1;
     for (uint64_t cycle = 0, given = 0, taken = 0, next_start = 0, next_done = latency; cycle < cycles; cycle++) {
         dut->START = cycle == next_start && given < count;
         // Between the starts operands are noise.
-        const uint32_t value = dut->START ? uint32_t(first + given) : ~uint32_t(first + given);
-#define INPUT(port) dut->port = value;
+        uint64_t operand = dut->START ? first + given : ~(first + given);
+#define INPUT(port) dut->port = uint32_t(operand++);
         INPUTS
 #undef INPUT
-        if (dut->START) given++, next_start += interval;
+        if (dut->START) given += lanes, next_start += interval;
         dut->CLOCK = 0;
         dut->eval();
-        if (bool(dut->FINISH) != (cycle == next_done)) {
-            printf("done is %d in cycle %llu\n", dut->FINISH, (unsigned long long)cycle);
+        if (dut->FINISH != (cycle == next_done ? (1u << lanes) - 1 : 0)) {
+            printf("done is %x in cycle %llu\n", dut->FINISH, (unsigned long long)cycle);
             return 3;
         }
         if (dut->FINISH) {
-            uint32_t operand = uint32_t(first + taken++), got = 0;
-#define OUTPUT(port) got = uint32_t(dut->port);
-            OUTPUTS
-#undef OUTPUT
             next_done += interval;
-            uint32_t wanted = expectation->function(flush && expectation->takes_float ? flushed(operand) : operand);
-            if (flush && expectation->gives_float) wanted = flushed(wanted);
-            if (got != wanted && mismatches++ < 10) printf("%08x %08x %08x\n", operand, got, wanted);
+            const uint32_t results[] = {
+#define OUTPUT(port) uint32_t(dut->port),
+                OUTPUTS
+#undef OUTPUT
+            };
+            for (uint32_t got : results) {
+                const uint32_t operand = uint32_t(first + taken++);
+                uint32_t wanted = expectation->function(flush && expectation->takes_float ? flushed(operand) : operand);
+                if (flush && expectation->gives_float) wanted = flushed(wanted);
+                if (got != wanted && mismatches++ < 10) printf("%08x %08x %08x\n", operand, got, wanted);
+            }
         }
         dut->CLOCK = 1;
         dut->eval();

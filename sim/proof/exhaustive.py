@@ -8,13 +8,17 @@ import math
 import os
 import subprocess
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from fractions import Fraction
 from importlib.resources import files
 from typing import Any
 
+from amaranth import *
 from amaranth.back import verilog
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
@@ -31,38 +35,74 @@ FLUSH32 = BINARY32.with_subnormals("flush")
 class Subject:
     """An operator with one 32-bit operand, and the expectation of exhaustive.cpp that it must meet."""
 
-    operator: Any
+    make: Callable[[], Any]
     expectation: str
     meaning: str
 
-    @property
-    def operand(self):
-        """The name of the operand's port."""
-        return "operand" if "operand" in self.operator.signature.members else "a"
-
 
 SUBJECTS = {
-    "sqrt": Subject(FpSquareRoot(BINARY32), "square_root", "square root, gradual"),
-    "rsqrt": Subject(FpReciprocalSquareRoot(BINARY32, bits_per_cycle=24), "reciprocal_square_root",
-                     "reciprocal square root, gradual, 24 bits a cycle"),
-    "to_int32": Subject(FpToFixed(BINARY32, width=32, fraction_bits=0), "to_int32", "float to 32-bit integer"),
-    "to_fixed16": Subject(FpToFixed(FLUSH32, width=16, fraction_bits=14), "to_fixed16",
+    "sqrt": Subject(lambda: FpSquareRoot(BINARY32), "square_root", "square root, gradual"),
+    "rsqrt": Subject(lambda: FpReciprocalSquareRoot(BINARY32, bits_per_cycle=6), "reciprocal_square_root",
+                     "reciprocal square root, gradual, 6 bits a cycle"),
+    "to_int32": Subject(lambda: FpToFixed(BINARY32, width=32, fraction_bits=0), "to_int32", "float to 32-bit integer"),
+    "to_fixed16": Subject(lambda: FpToFixed(FLUSH32, width=16, fraction_bits=14), "to_fixed16",
                           "float to 16 bits, 14 of them behind the point, flushed"),
-    "from_int32": Subject(FixedToFp(BINARY32, width=32, fraction_bits=0), "from_int32", "32-bit integer to float"),
+    "from_int32": Subject(lambda: FixedToFp(BINARY32, width=32, fraction_bits=0), "from_int32",
+                          "32-bit integer to float"),
 }
 
 
+class Lanes(wiring.Component):
+    """Copies of an operator side by side, started together: a simulator then spends its time on them, not on itself.
+
+    Members ``operand_<n>``, ``result_<n>``; ``start``; ``done``, a bit a copy.
+    """
+
+    COUNT = 4
+
+    def __init__(self, make):
+        self._copies = [make() for _ in range(self.COUNT)]
+        super().__init__({**{name: In(32) for name in self.operands}, "start": In(1),
+                          **{name: Out(len(Value.cast(self.operator.result))) for name in self.results},
+                          "done": Out(self.COUNT)})
+
+    @property
+    def operator(self):
+        """One of the copies."""
+        return self._copies[0]
+
+    @property
+    def operands(self):
+        """Names of the operands' ports."""
+        return tuple(f"operand_{lane}" for lane in range(self.COUNT))
+
+    @property
+    def results(self):
+        """Names of the results' ports."""
+        return tuple(f"result_{lane}" for lane in range(self.COUNT))
+
+    def elaborate(self: Any, platform):
+        m = Module()
+        for lane, (op, operand, result) in enumerate(zip(self._copies, self.operands, self.results, strict=True)):
+            m.submodules[f"lane_{lane}"] = op
+            port = Value.cast(op.operand if hasattr(op, "operand") else op.a)
+            m.d.comb += [port.eq(getattr(self, operand)), op.start.eq(self.start),
+                         getattr(self, result).eq(Value.cast(op.result)), self.done[lane].eq(op.done)]
+        return m
+
+
 class ExhaustiveModel(VerilatedModel):
-    """A Verilated operator that makes its operands and its expectations itself."""
+    """Verilated copies of an operator that make their operands and their expectations themselves."""
 
     DRIVER = files(__package__) / "exhaustive.cpp"
+    # It runs long, and on no other machine.
+    FLAGS = "-O2", "-march=native"
 
-    def check(self, subject, first, count):
+    def check(self, subject, op, first, count):
         """See ``Run.check``.
 
         Raises: RuntimeError if ``done`` does not come when it should.
         """
-        op = subject.operator
         result = subprocess.run(
             [self._executable, subject.expectation, str(int(not op.format.gradual)), str(op.latency),
              str(op.interval), str(first), str(count)], capture_output=True, text=True, check=False)
@@ -83,10 +123,12 @@ class Run:
         self.name, self.subject = name, SUBJECTS[name]
         build.mkdir(parents=True, exist_ok=True)
         source = build / f"{name}.v"
-        source.write_text(verilog.convert(self.subject.operator, name="operator", emit_src=False))
+        lanes = Lanes(self.subject.make)
+        self.operator = lanes.operator
+        source.write_text(verilog.convert(lanes, name="lanes", emit_src=False))
         driver = ExhaustiveModel.DRIVER.read_text()
         self.circuit = hashlib.sha256((source.read_text() + driver).encode()).hexdigest()[:16]
-        interface = Interface("operator", (self.subject.operand,), ("result",), start="start", finish="done",
+        interface = Interface("lanes", lanes.operands, lanes.results, start="start", finish="done",
                               reset="rst", reset_active=1)
         self._model = ExhaustiveModel(source, interface, build / "models")
         self._file = build / f"{name}.json"
@@ -107,8 +149,11 @@ class Run:
         return [shard for shard in (index * SHARDS // wanted for index in range(wanted)) if shard not in done]
 
     def check(self, first, count):
-        """Results of ``count`` operands from ``first`` on: (number of mismatches, the first of them as text)."""
-        return self._model.check(self.subject, first, count)
+        """Results of operands from ``first`` on: (number of mismatches, the first of them as text).
+
+        ``count`` is a multiple of ``Lanes.COUNT``.
+        """
+        return self._model.check(self.subject, self.operator, first, count)
 
     def do(self, shard):
         """Check one shard and keep what came of it."""
@@ -162,7 +207,7 @@ def _record(run, root):
     record = json.loads(path.read_text()) if path.exists() else {}
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
                             check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
-    entry = {"operator": run.subject.meaning, "latency": run.subject.operator.latency, "circuit": run.circuit,
+    entry = {"operator": run.subject.meaning, "latency": run.operator.latency, "circuit": run.circuit,
              "operands": len(run.state["shards"]) * SHARD, "mismatches": run.state["mismatches"]}
     # A run that was complete already keeps its date.
     if {key: record.get(run.name, {}).get(key) for key in entry} != entry:

@@ -39,8 +39,9 @@ def test_samples_agree(name, folder):
 
 
 def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, folder):
-    wrong = FpToFixed(BINARY32, width=32, fraction_bits=0, rounding=Rounding.TOWARD_ZERO)
-    subject = dataclasses.replace(exhaustive.SUBJECTS["to_int32"], operator=wrong)
+    def wrong():
+        return FpToFixed(BINARY32, width=32, fraction_bits=0, rounding=Rounding.TOWARD_ZERO)
+    subject = dataclasses.replace(exhaustive.SUBJECTS["to_int32"], make=wrong)
     monkeypatch.setitem(exhaustive.SUBJECTS, "to_int32", subject)
     monkeypatch.setattr(exhaustive, "SHARD", 1 << 12)
     run = run_of("to_int32", folder)
