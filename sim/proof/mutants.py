@@ -133,9 +133,12 @@ MUTANTS = (
          ("Mux(swap, sine, cosine), swap ^ negative", "Mux(swap, sine, cosine), negative", "sign of the cosine"),
          select="circuit and binary16"),
     *_of("cordic/fixed_atan2.py",
-         ("Mux(s.x_negative, self._pi + half - s.z, s.z + half)", "s.z + half", "negative abscissae"),
+         ("Cat(signs[:divided], C(0, 1)) ^ s.x_negative.replicate(divided + 1)", "Cat(signs[:divided], C(0, 1))",
+          "negative abscissae"),
          ("with m.If(~s.is_zero):", "with m.If(1):", "the angle of (0, 0)"),
-         ("h.eq(s.h << zeros)", "h.eq(s.h)", "short vectors"),
+         ("next_h.eq(h << step * times)", "next_h.eq(h)", "short vectors"),
+         ("is_zero=~x[-2:].any()", "is_zero=~x[-1]", "vectors of length 1 count as zero"),
+         ("(Cat(x, C(0, 1)) ^ negative)", "Cat(x, C(0, 1))", "every step turns the same way"),
          tests="cores/test_operators.py", select="one_operation_a_cycle and default"),
 )
 """Every fault, by operator."""

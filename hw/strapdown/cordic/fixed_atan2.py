@@ -1,12 +1,12 @@
 """Angle of a vector of 16-bit numbers: unrolled vectoring CORDIC, one angle a cycle."""
 
 import math
+from typing import ClassVar
 
 import numpy as np
 from amaranth import *
 
 from ..fp.pipeline import PipelinedOperator, Ranks
-from ..fp.stages import normalise
 
 __all__ = ["FixedAtan2"]
 
@@ -35,59 +35,76 @@ class FixedAtan2(PipelinedOperator):
     """
 
     WIDTH, FRACTION_BITS = 16, 13
-    STEPS = 16
-    # Fraction bits below the operands' last bit, and below the unit of the phase.
-    GUARD, PHASE_GUARD = 2, 7
+    # Steps that turn the vector, and all. The others divide y by x: a small angle is its own tangent.
+    TURNS, STEPS = 6, 16
+    # Bits below the operands' last one, and how many low bits, which no longer count, are dropped before a step.
+    GUARD = 2
+    DROPPED: ClassVar = {7: 5, 11: 4}
 
-    CUTS = ("magnitude", "rotate", "normalise", *(f"step_{step}" for step in range(1, STEPS + 1)), "result")
+    CUTS = ("magnitude", "rotate", "normalise", *(f"step_{step}" for step in range(1, STEPS)), "sum", "result")
     DEFAULT_LATENCY = len(CUTS)
 
     def __init__(self, *, latency=None):
         super().__init__({"x_in": signed(self.WIDTH), "y_in": signed(self.WIDTH)},
                          {"phase_out": signed(self.WIDTH)}, latency=latency)
-        self._places = self.FRACTION_BITS + self.PHASE_GUARD
-        self._angles = [self._fixed(math.atan(math.ldexp(1, -step))) for step in range(self.STEPS + 1)]
-        self._pi = self._fixed(math.pi)
-
-    def _fixed(self, angle):
-        return round(math.ldexp(angle, self._places))
 
     @property
     def error_bound(self):
         """Error of the phase in units of 2**-13 rad, at most, its final rounding included."""
         # After the turn by pi/4 and the shift, x >= 2**(WIDTH + GUARD) and |y| <= x. With h the
         # ordinate times 2**(i - 1) before step i, |h| <= x holds at the start and, since
-        # |h'| = |2|h| - x| and x' >= x, after each step. The error is the sum of
+        # |h'| = |2|h| - x| and x' >= x, after each step. So |y| <= 2**(1 - i) * x before step i.
+        # x and h are known by their integer parts and count as half a unit more. The error is the sum of
         # - the final rounding: 1/2;
-        # - what is left after n steps: |y| / x <= 2**-n;
+        # - what is left after the last step: |y| / x <= 2**-STEPS;
+        # - half a unit of x and of h at the start and where bits are dropped, of which |y| / x feels one;
         # - the rounding of x: less than one unit in step i, which moves the angle of a vector with
-        #   |y| <= 2**-i * x by less than 2**-i / x: less than 2**-(WIDTH + GUARD) in all. Ordinates
-        #   and the angle of the first turn, but for its constant, are exact;
-        # - n + 2 constants, with the first turn's and pi, each good to half a unit of z.
-        angle = 2.0 ** -self.STEPS + 2.0 ** -(self.WIDTH + self.GUARD)
-        constants = (self.STEPS + 2) / 2 * 2.0 ** -self.PHASE_GUARD
-        return 0.5 + 2.0 ** self.FRACTION_BITS * angle + constants
+        #   |y| <= 2**-i * x by less than 2**-i / x: less than one unit in all. Ordinates are exact;
+        # - q - atan(q) for the quotient of the steps that divide, q**3 / 3 at most.
+        # The table of angles is as good as its numbers before they are cut off: with half a unit of the phase in
+        # them, and the quotient whole in units of what is cut off, the rest could not change the phase.
+        unit = 2.0 ** -(self.WIDTH + self.GUARD)
+        angle = 2.0 ** -self.STEPS + 2 * unit + 2.0 ** (-3 * self.TURNS) / 3
+        for step, bits in self.DROPPED.items():
+            unit *= 1 << bits
+            angle += 2.0 ** (1 - step) * unit
+        return 0.5 + 2.0 ** self.FRACTION_BITS * angle
+
+    def _angle(self, signs, x_negative):
+        """Angle of the first turns, by the signs of their ordinates, the first on top, in the last step's units.
+
+        Everything that does not depend on the quotient is in it: the vector's half plane and half a unit of the phase.
+        """
+        negative = [signs >> self.TURNS - step & 1 for step in range(1, self.TURNS + 1)]
+        angle = math.pi / 4 + sum((-1) ** sign * math.atan(2.0 ** -step) for step, sign in enumerate(negative, 1))
+        # Digits of the quotient are 1 and -1: this, less twice a binary number of the signs.
+        angle += 2.0 ** -self.TURNS - 2.0 ** -self.STEPS
+        half = 2.0 ** -(self.FRACTION_BITS + 1)
+        angle = math.pi - angle if x_negative else angle
+        # Of the other half plane the quotient is inverted, which takes off one too few.
+        return math.floor(math.ldexp(angle + half, self.STEPS - 1)) - x_negative
 
     def compute(self, y_in, x_in):
         """Bit-exact software twin: integer arrays of shapes that broadcast in, int64 out."""
         y_in, x_in = np.broadcast_arrays(np.asarray(y_in, dtype=np.int64), np.asarray(x_in, dtype=np.int64))
         x, h = np.abs(x_in) + np.abs(y_in), np.abs(y_in) - np.abs(x_in)
         is_zero = x == 0
-        zeros = self.WIDTH + 1 - np.frexp(x.astype(np.float64))[1] + self.GUARD
+        zeros = np.minimum(self.WIDTH + 1 - np.frexp(x.astype(np.float64))[1], self.WIDTH - 1) + self.GUARD
         x, h = x << zeros, h << zeros
-        z = np.full(x.shape, self._angles[0])
+        signs = np.zeros_like(x)
         for step in range(1, self.STEPS + 1):
-            sign = np.where(h < 0, -1, 1)
-            x, h = x + sign * self._turn(h, step), 2 * h - sign * x
-            z = z + sign * self._angles[step]
-        z = np.where(x_in < 0, self._pi - z, z)
-        phase = (z + (1 << self.PHASE_GUARD - 1)) >> self.PHASE_GUARD
+            dropped = self.DROPPED.get(step, 0)
+            x, h = x >> dropped, h >> dropped
+            negative = -(h < 0).astype(np.int64)
+            signs = signs << 1 | negative & 1
+            x, h = x - ((h ^ ~negative) >> 2 * step - 1 if step <= self.TURNS else 0), 2 * h - (x ^ negative)
+        divided = self.STEPS - self.TURNS
+        x_negative = (x_in < 0).astype(np.int64)
+        angles = np.array([[self._angle(turn, side) for turn in range(1 << self.TURNS)] for side in (0, 1)])
+        quotient = signs & (1 << divided) - 1
+        z = angles[x_negative, signs >> divided] - (quotient ^ -x_negative)
+        phase = z >> self.STEPS - 1 - self.FRACTION_BITS
         return np.where(is_zero, 0, np.where(y_in < 0, -phase, phase))
-
-    def _turn(self, h, step):
-        """What a step adds to the abscissa, or takes from it: nothing where it is less than a unit."""
-        places = 2 * step - 1
-        return h >> places if places < self.WIDTH + self.GUARD + 2 else 0
 
     def ranks(self, m):
         """The register ranks, evenly spread over the cuts, the last at the output."""
@@ -103,41 +120,61 @@ class FixedAtan2(PipelinedOperator):
         magnitudes = {}
         for name, value in ("x", self.x_in), ("y", self.y_in):
             magnitudes[name] = Signal(self.WIDTH, name=f"{name}_magnitude")
-            m.d.comb += magnitudes[name].eq(Mux(value < 0, -value, value))
-        s = rank("magnitude", **magnitudes, x_negative=self.x_in < 0, y_negative=self.y_in < 0)
+            m.d.comb += magnitudes[name].eq((value ^ value[-1].replicate(self.WIDTH)) + value[-1])
+        s = rank("magnitude", **magnitudes, x_negative=self.x_in[-1], y_negative=self.y_in[-1])
 
         # Turn by -pi/4 and scale by the root of two: exact, and from here on |y| <= x.
         s = rank("rotate", x=s.x + s.y, h=(s.y - s.x)[:self.WIDTH + 1].as_signed(),
                  x_negative=s.x_negative, y_negative=s.y_negative)
 
-        # Shift short vectors left, so that they are as precise as long ones.
-        x, zeros = normalise(m, s.x, "normalise")
-        h = Signal(signed(self.WIDTH + 2))
-        m.d.comb += h.eq(s.h << zeros)
-        s = rank("normalise", x=Cat(C(0, self.GUARD), x), h=Cat(C(0, self.GUARD), h).as_signed(),
-                 is_zero=s.x == 0, x_negative=s.x_negative, y_negative=s.y_negative)
+        # Shift short vectors left, so that they are as precise as long ones: by up to three times 4, then 1. The
+        # shortest, of length 1, lacks a place; it lies on an axis.
+        x, h = s.x, s.h
+        for step in 4, 1:
+            zeros = [~x[-step * times:].any() for times in (1, 2, 3)]
+            number = Cat(zeros[2] | (zeros[0] & ~zeros[1]), zeros[1])
+            next_x = Signal(self.WIDTH + 1, name=f"x_by_{step}")
+            next_h = Signal(signed(self.WIDTH + 2), name=f"h_by_{step}")
+            with m.Switch(number):
+                for times in range(4):
+                    with m.Case(times):
+                        m.d.comb += [next_x.eq(x << step * times), next_h.eq(h << step * times)]
+            x, h = next_x, next_h
+        s = rank("normalise", x=Cat(C(0, self.GUARD), x, C(0, 1)), h=Cat(C(0, self.GUARD), h, h[-1]).as_signed(),
+                 is_zero=~x[-2:].any(), x_negative=s.x_negative, y_negative=s.y_negative)
 
-        # Turn towards the x axis. x grows by less than 1.165 and |y| <= x < sqrt(2) * 2**17 before.
-        s.z = C(self._angles[0], signed(self._places + 2))
-        for step in range(1, self.STEPS + 1):
-            x = Signal(self.WIDTH + self.GUARD + 2, name=f"x_{step}")
-            h = Signal(signed(self.WIDTH + self.GUARD + 3), name=f"h_{step}")
-            z = Signal(signed(self._places + 2), name=f"z_{step}")
-            negative, moved, angle = s.h[-1], self._turn(s.h, step), self._angles[step]
-            m.d.comb += [
-                x.eq(Mux(negative, s.x - moved, s.x + moved)),
-                h.eq(Mux(negative, 2 * s.h + s.x, 2 * s.h - s.x)),
-                z.eq(Mux(negative, s.z - angle, s.z + angle)),
-            ]
-            s = rank(f"step_{step}", x=x, h=h, z=z, is_zero=s.is_zero,
+        # Turn towards the x axis, then divide. With x and h goes half a unit: -h is then the inverse of h. x grows by
+        # less than 1.165 and |y| <= x < sqrt(2) * 2**17 before.
+        s.signs = C(0, 0)
+        for step in range(1, self.STEPS):
+            x, h = (value[self.DROPPED.get(step, 0):] for value in (s.x, s.h))
+            negative = h[-1].replicate(len(h))
+            signs = Cat(h[-1], s.signs)
+            next_x = Signal(len(x), name=f"x_{step}")
+            next_h = Signal(signed(len(h)), name=f"h_{step}")
+            # Written as differences, from whose order synthesis sees which operand needs no LUT.
+            less = (h ^ ~negative).as_signed() >> 2 * step - 1 if step <= self.TURNS else 0
+            m.d.comb += [next_x.eq(x - less), next_h.eq(Cat(C(0, 1), h) - (Cat(x, C(0, 1)) ^ negative).as_signed())]
+            s = rank(f"step_{step}", x=next_x, h=next_h, signs=signs, is_zero=s.is_zero,
                      x_negative=s.x_negative, y_negative=s.y_negative)
 
-        # Back into the vector's quadrant, and round.
-        phase, result = Signal(signed(self.WIDTH)), Signal(signed(self.WIDTH))
-        half = 1 << self.PHASE_GUARD - 1
-        m.d.comb += phase.eq(Mux(s.x_negative, self._pi + half - s.z, s.z + half) >> self.PHASE_GUARD)
+        # The angle of the turns and the quotient, of the vector's half plane.
+        divided = self.STEPS - self.TURNS
+        signs = Cat(s.h[-1], s.signs)
+        angle, z = Signal(self.STEPS + 1), Signal(self.STEPS + 1)
+        with m.Switch(Cat(signs[divided:], s.x_negative)):
+            for turn in range(1 << self.TURNS + 1):
+                side, turns = divmod(turn, 1 << self.TURNS)
+                with m.Case(turn):
+                    m.d.comb += angle.eq(self._angle(turns, side))
+        quotient = Cat(signs[:divided], C(0, 1)) ^ s.x_negative.replicate(divided + 1)
+        m.d.comb += z.eq(angle - quotient.as_signed())
+        s = rank("sum", phase=z[self.STEPS - 1 - self.FRACTION_BITS:], is_zero=s.is_zero, y_negative=s.y_negative)
+
+        # Round, and back below the x axis.
+        result = Signal(signed(self.WIDTH))
         with m.If(~s.is_zero):
-            m.d.comb += result.eq(Mux(s.y_negative, -phase, phase))
+            m.d.comb += result.eq((s.phase ^ s.y_negative.replicate(self.WIDTH)) + s.y_negative)
         s = rank("result", result=result)
         m.d.comb += [self.phase_out.eq(s.result), self.done.eq(rank.valid)]
         return m
