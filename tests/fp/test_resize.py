@@ -29,13 +29,13 @@ def flush(fmt):
 
 SHAPES = [
     # from, to, latency
-    (BINARY64, BINARY32, 1), (BINARY64, BINARY32, 2), (BINARY64, flush(BINARY32), 1), (BINARY64, LONG, 1),
-    (flush(BINARY64), BINARY16, 2), (BINARY32, BINARY64, 1), (BINARY32, flush(BINARY64), 1), (BINARY32, BINARY16, 2),
+    (BINARY64, BINARY32, 1), (BINARY64, BINARY32, 4), (BINARY64, flush(BINARY32), 1), (BINARY64, LONG, 1),
+    (flush(BINARY64), BINARY16, 2), (BINARY32, BINARY64, 1), (BINARY32, flush(BINARY64), 1), (BINARY32, BINARY16, 4),
     (BINARY32, flush(BINARY16), 1), (BINARY32, BFLOAT16, 1), (BINARY32, flush(BINARY32), 1),
-    (flush(BINARY32), BINARY32, 1), (flush(BINARY32), BINARY64, 2), (flush(BINARY32), flush(BINARY16), 2),
-    (BINARY16, BINARY32, 1), (BINARY16, BINARY64, 2), (BINARY16, FLOAT8, 1), (BINARY16, flush(FLOAT8), 1),
-    (flush(BINARY16), BINARY32, 1), (BFLOAT16, BINARY16, 2), (BFLOAT16, LONG, 1), (FLOAT8, NARROW, 1),
-    (FLOAT8, flush(NARROW), 1), (flush(NARROW), FLOAT8, 1), (NARROW, LONG, 2),
+    (flush(BINARY32), BINARY32, 1), (flush(BINARY32), BINARY64, 2), (flush(BINARY32), flush(BINARY16), 4),
+    (BINARY16, BINARY32, 1), (BINARY16, BINARY64, 3), (BINARY16, FLOAT8, 1), (BINARY16, flush(FLOAT8), 1),
+    (flush(BINARY16), BINARY32, 1), (BFLOAT16, BINARY16, 3), (BFLOAT16, LONG, 1), (FLOAT8, NARROW, 1),
+    (FLOAT8, flush(NARROW), 1), (flush(NARROW), FLOAT8, 1), (NARROW, LONG, 4),
 ]
 SOURCES = list(dict.fromkeys(shape[0] for shape in SHAPES))
 
@@ -50,15 +50,15 @@ def bank(models, tmp_path_factory):
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
-@pytest.mark.parametrize("latency", [-1, 0, 3])
+@pytest.mark.parametrize("latency", [-1, 0, 5])
 def test_latency_out_of_range(latency):
-    with pytest.raises(ValueError, match=f"^latency must be from 1 to 2, not {latency}$"):
+    with pytest.raises(ValueError, match=f"^latency must be from 1 to 4, not {latency}$"):
         FpToFp(BINARY32, BINARY16, latency=latency)
 
 
 def test_properties():
     resize = FpToFp(BINARY32, BINARY16)
-    assert (resize.from_format, resize.to_format, resize.latency, resize.interval) == (BINARY32, BINARY16, 1, 1)
+    assert (resize.from_format, resize.to_format, resize.latency, resize.interval) == (BINARY32, BINARY16, 4, 1)
 
 
 @pytest.mark.verilator

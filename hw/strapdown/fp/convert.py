@@ -8,12 +8,9 @@ from amaranth import *
 from . import exact
 from .pipeline import PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import normalise, round_and_pack, shift_right_sticky, unpack
+from .stages import FINE_LEVELS, normalise, round_and_pack, shift_right_sticky, unpack
 
 __all__ = ["FpToFixed", "FixedToFp"]
-
-FINE_LEVELS = 3
-"""Levels of a shifter, by 1, 2 and 4, that come after the cut inside it."""
 
 
 class _Converter(PipelinedOperator):

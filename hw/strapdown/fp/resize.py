@@ -1,13 +1,11 @@
 """Conversion between two floating-point formats."""
 
-from types import SimpleNamespace
-
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator
+from .pipeline import PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import normalise, round_and_pack, unpack
+from .stages import FINE_LEVELS, normalise, round_and_pack, shift_right_sticky, unpack
 
 __all__ = ["FpToFp"]
 
@@ -20,7 +18,7 @@ class FpToFp(PipelinedOperator):
     from_format, to_format : FloatFormat
         Format of the operand and of the result, any two.
     latency : int
-        Register ranks, 1 or 2.
+        Register ranks, 1 to 4.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -44,9 +42,9 @@ class FpToFp(PipelinedOperator):
     Source: IEEE 754-2019, 5.4.2, operation *convertFormat*.
     """
 
-    CUTS = ("normalise", "result")
-    CUT_PRIORITY = ("result", "normalise")
-    DEFAULT_LATENCY = 1
+    CUTS = ("coarse", "normalise", "align", "result")
+    CUT_PRIORITY = ("result", "normalise", "align", "coarse")
+    DEFAULT_LATENCY = 4
 
     def __init__(self, from_format, to_format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         self._from_format = from_format
@@ -84,23 +82,36 @@ class FpToFp(PipelinedOperator):
         source, fmt = self._from_format, self._to_format
         rank = self.ranks(m)
 
-        # Unpack. The exponent's range tells the rounding stage whether there can be subnormals.
         a = unpack(m, source, self.a, "a")
+        classes = {"sign": a.sign, "is_nan": a.is_nan, "is_infinite": a.is_infinite, "is_zero": a.is_zero}
+        if self._flags:
+            classes["invalid"] = a.is_signalling
+        # Where subnormals lie far below the other format's least number, they need no top bit: they are lost anyway.
         offset = fmt.bias - source.bias
+        normalises = source.gradual and -offset < fmt.precision + 2
+        significand, zeros = a.significand, {}
+        levels = range((source.precision - 1).bit_length())
+        if normalises:
+            significand, zeros["zeros"] = normalise(m, significand, "coarse", levels=levels[FINE_LEVELS:])
+        s = rank("coarse", **classes, **zeros, exponent=a.exponent, significand=significand)
+
+        # The exponent's range tells the rounding stage whether there can be subnormals.
         least, greatest = 1 + offset, source.exponent_special + offset
-        significand, zeros = a.significand, C(0)
-        if source.gradual:
-            significand, zeros = normalise(m, significand, "normalise")
+        significand, zeros = s.significand, C(0)
+        if normalises:
+            significand, zeros = normalise(m, significand, "normalise", levels=levels[:FINE_LEVELS])
+            zeros = Cat(zeros, s.zeros)
             least -= source.fraction_width
         exponent = Signal(range(least, greatest + 1) if least > 0 else range(min(least, -1), greatest + 1))
-        m.d.comb += exponent.eq(a.exponent + offset - zeros)
-        s = rank("normalise", sign=a.sign, is_nan=a.is_nan, is_infinite=a.is_infinite, is_zero=a.is_zero,
-                 exponent=exponent, significand=significand, **({"invalid": a.is_signalling} if self._flags else {}))
+        m.d.comb += exponent.eq(s.exponent + offset - zeros)
+        padded = Cat(C(0, fmt.precision), significand)
+        below = {"below": (1 - offset - s.exponent + zeros).as_unsigned()} if least <= 0 and fmt.gradual else {}
+        s = rank("normalise", **pick(s, classes), **below, exponent=exponent,
+                 extended=Cat(padded[:-fmt.precision - 1].any(), padded[-fmt.precision - 1:]))
 
-        padded = Cat(C(0, fmt.precision), s.significand)
-        number = SimpleNamespace(
-            **vars(s), extended=Cat(padded[:-fmt.precision - 1].any(), padded[-fmt.precision - 1:]))
-        result, raised = round_and_pack(m, fmt, number, self._rounding)
+        aligned = {"aligned": shift_right_sticky(m, s.extended, s.below, "subnormal")} if below else {}
+        s = rank("align", **pick(s, classes, ("exponent", "extended")), **aligned)
+        result, raised = round_and_pack(m, fmt, s, self._rounding)
         s = rank("result", result=result, **({"flags": Cat(raised, C(0), s.invalid)} if self._flags else {}))
         m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
         m.d.comb += self.done.eq(rank.valid)

@@ -8,6 +8,9 @@ from .rounding import Rounding
 
 __all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_significand", "pack", "round_and_pack"]
 
+FINE_LEVELS = 3
+"""Levels of a shifter, by 1, 2 and 4, that come after the cut inside it."""
+
 
 def unpack(m, fmt, operand, name):
     """Class flags, effective exponent and significand of an encoded number.
@@ -115,7 +118,8 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
 
     ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``, and, where
     none of these three holds, ``exponent`` (biased; signed if it may be less than 1) and
-    ``extended``: sticky bit, guard bit and significand, from the low end, whose top bit is one.
+    ``extended``: sticky bit, guard bit and significand, from the low end, whose top bit is one. It may
+    have ``aligned``, if that is to be made elsewhere: ``extended`` shifted right to the weight of exponent 1.
 
     Returns (encoding, the three low bits of ``FLAGS``); flags that are not used make no circuit.
     """
@@ -125,8 +129,10 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
     m.d.comb += exponent.eq(number.exponent)
     if fmt.gradual and may_be_tiny:
         # A subnormal keeps the weight of exponent 1.
-        distance = (1 - number.exponent).as_unsigned()
-        aligned = shift_right_sticky(m, extended, distance, "subnormal")
+        if hasattr(number, "aligned"):
+            aligned = number.aligned
+        else:
+            aligned = shift_right_sticky(m, extended, (1 - number.exponent).as_unsigned(), "subnormal")
         exponent, extended = Mux(tiny, 0, exponent), Mux(tiny, aligned, extended)
     encoded = round_significand(fmt, exponent, extended[2:], extended[1], extended[0],
                                 sign=number.sign, rounding=rounding)
