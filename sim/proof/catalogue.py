@@ -30,6 +30,7 @@ from .arithmetic import Extreme, FixedResult, FloatResult, Relation
 from .handshake import (
     IterativeAlignment,
     IterativeHandshake,
+    IterativeHold,
     PipelineAlignment,
     PipelineFromReset,
     VendorAlignment,
@@ -152,8 +153,9 @@ def properties():
         def op(make=make, parameters=parameters, options=options):
             return make(*parameters, **options)
         subject, one = describe(make, *parameters, **options), op()
-        yield Property(subject, "one done for each accepted start, none else; results hold", IterativeHandshake(op),
+        yield Property(subject, "one done for each accepted start, none else", IterativeHandshake(op),
                        2 * one.interval + one.latency + 2)
+        yield Property(subject, "results hold from one done to the next", IterativeHold(op), 1, ("op",))
         for gap in range(3):
             yield Property(subject, f"nothing before an operation, {gap} idle cycles between, changes its result",
                            IterativeAlignment(op, gap=gap), one.interval + gap + one.latency)

@@ -5,8 +5,8 @@ from amaranth.asserts import AnySeq, Initial
 from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib.wiring import In
 
-__all__ = ["PipelineAlignment", "PipelineFromReset", "IterativeAlignment", "IterativeHandshake", "VendorAlignment",
-           "VendorHold", "VendorOrder"]
+__all__ = ["PipelineAlignment", "PipelineFromReset", "IterativeAlignment", "IterativeHandshake", "IterativeHold",
+           "VendorAlignment", "VendorHold", "VendorOrder"]
 
 
 def ports(op, flow, *, without):
@@ -84,7 +84,7 @@ class IterativeHandshake(Elaboratable):
     """An operator beside a count of the cycles since the last operation, any starts, resets and operands.
 
     ``done`` rises ``latency`` edges after each start that the count accepts, for one cycle, and at no
-    other time. Between two of them results hold.
+    other time.
     """
 
     def __init__(self, make):
@@ -100,12 +100,27 @@ class IterativeHandshake(Elaboratable):
         due, finished = Signal(op.latency), Signal(range(3))
         m.d.sync += [due.eq(Cat(accept, due)), finished.eq(finished + (op.done & (finished != 2)))]
         m.d.comb += [Assert(op.done == due[-1]), Cover(op.done & (finished == 2))]
+        return m
 
+
+class IterativeHold(_Clockwork):
+    """From any state, and with any inputs but reset, an edge after which ``done`` is low changes no result."""
+
+    def __init__(self, make):
+        self.op = make()
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.op = op = self.op
+        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+        m.d.comb += Assume(~ResetSignal())
         results = Cat(*ports(op, None, without=("done",)).values())
-        before, comparable = Signal.like(results), Signal()
-        m.d.sync += [before.eq(results), comparable.eq(1)]
-        with m.If(comparable & ~op.done):
-            m.d.comb += Assert(results == before)
+        before = Signal.like(results)
+        m.d.sync += before.eq(results)
+        with m.If(self.age(m, 1)[1]):
+            m.d.comb += Cover(~op.done)
+            with m.If(~op.done):
+                m.d.comb += Assert(results == before)
         return m
 
 

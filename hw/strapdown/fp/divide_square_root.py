@@ -9,11 +9,14 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
 from . import exact
-from .pipeline import Ranks
+from .pipeline import Ranks, pick
 from .rounding import Rounding, flags_member
-from .stages import normalised, round_and_pack, unpack
+from .stages import FINE_LEVELS, align_subnormal, normalised, round_and_pack, unpack
 
 __all__ = ["FpDivide", "FpSquareRoot", "FpDivideSquareRoot"]
+
+CLASSES = "sign", "is_nan", "is_infinite", "is_zero"
+RAISED = "invalid", "divide_by_zero"
 
 
 class DigitRecurrence(wiring.Component):
@@ -34,6 +37,9 @@ class DigitRecurrence(wiring.Component):
     Li and Chu, A new non-restoring square root algorithm, ICCD 1996.
     """
 
+    # Whether results may lie below the least normal number.
+    _may_be_subnormal = True
+    _operands: tuple[str, ...] = ("a", "b")
     # The registers that a step changes.
     _stepped: tuple[str, ...] = ("remainder", "divisor", "place", "quotient")
 
@@ -71,13 +77,13 @@ class DigitRecurrence(wiring.Component):
 
     @property
     def latency(self):
-        """Cycles from ``start`` to ``done``: one to unpack, the recurrence's, and one to round."""
-        return self._cycles + 2
+        """Cycles from ``start`` to ``done``: one to unpack, the recurrence's and one to round, as a rule."""
+        return self._cycles + 2 if self._iterative else len(self._cuts)
 
     @property
     def interval(self):
         """Least number of cycles between two operations."""
-        return self._cycles + 1 if self._iterative else 1
+        return self.latency - 1 if self._iterative else 1
 
     @property
     def _cycles(self):
@@ -92,13 +98,24 @@ class DigitRecurrence(wiring.Component):
         """Result bits that the steps have to find: significand and guard bit."""
         return self._format.precision + 1
 
+    @property
+    def _cuts(self):
+        """The ranks of a pipeline: subnormal operands and results have their own."""
+        gradual = self._format.gradual
+        return (*(("coarse", "normalise") if gradual else ()), "begin", *self._recurrence,
+                *(("align",) if gradual and self._may_be_subnormal else ()), "result")
+
+    @property
+    def _recurrence(self):
+        return [f"cycle_{cycle}" for cycle in range(self._cycles)]
+
     def elaborate(self, platform):
         m = Module()
-        (self._iterate if self._iterative else self._pipeline)(m, self._begin(m))
+        (self._iterate if self._iterative else self._pipeline)(m)
         return m
 
-    def _pipeline(self, m, s):
-        cuts = ("begin", *(f"cycle_{cycle}" for cycle in range(self._cycles)), "result")
+    def _pipeline(self, m):
+        fmt, cuts = self._format, self._cuts
         rank = Ranks(m, cuts, cuts, self.start)
 
         def keep(cut, s):
@@ -106,15 +123,29 @@ class DigitRecurrence(wiring.Component):
             place = s.__dict__.pop("place")
             return SimpleNamespace(place=place, **vars(rank(cut, **vars(s))))
 
+        o = self._unpack(m)
+        if fmt.gradual:
+            levels = range((fmt.precision - 1).bit_length())
+            o = rank("coarse", **vars(self._normalise(m, o, levels[FINE_LEVELS:])))
+            o = rank("normalise", **vars(self._normalise(m, o, levels[:FINE_LEVELS])))
+        s = self._begin(m, o)
         s.quotient = C(0, 0)
         s = keep("begin", s)
-        for cycle, cut in enumerate(cuts[1:-1]):
-            s = keep(cut, self._advance(m, s, cycle * self._bits_per_cycle)[-1])
-        s = rank("result", **self._finish(m, s))
+        for cycle, cut in enumerate(self._recurrence):
+            s = self._advance(m, s, cycle * self._bits_per_cycle)[-1]
+            if "align" in cuts and cycle == self._cycles - 1:
+                s.below = (1 - s.exponent).as_unsigned()
+            s = keep(cut, s)
+        number = self._normal(m, s)
+        if "align" in cuts:
+            number.aligned = align_subnormal(m, number.extended, s.below)
+            number = rank("align", **vars(number))
+        s = rank("result", **self._outputs(m, number))
         m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
         m.d.comb += self.done.eq(rank.valid)
 
-    def _iterate(self, m, begun):
+    def _iterate(self, m):
+        begun = self._begin(m, self._normalise(m, self._unpack(m)))
         # A one runs ahead of the quotient: its arrival at the top ends the recurrence.
         begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
@@ -131,15 +162,41 @@ class DigitRecurrence(wiring.Component):
         with m.If(accept):
             m.d.sync += [getattr(s, name).eq(value) for name, value in vars(begun).items()]
         with m.If(finishing):
-            m.d.sync += [getattr(self, name).eq(value) for name, value in self._finish(m, s).items()]
+            m.d.sync += [getattr(self, name).eq(value) for name, value in self._outputs(m, self._normal(m, s)).items()]
 
-    def _begin(self, m):
-        """The registers' first contents, all but ``quotient``."""
+    def _unpack(self, m):
+        """The operands: significands, exponents, and what goes with the recurrence as it is."""
         fmt = self._format
         square_root = self._select
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self._divisor, "b")
-        a_significand, a_exponent = normalised(m, fmt, self.a, a, "a")
-        b_significand, b_exponent = normalised(m, fmt, self._divisor, b, "b")
+        raised = {}
+        if self._flags:
+            negative = a.sign & ~a.is_zero & ~a.is_nan
+            undefined = (a.is_infinite & b.is_infinite) | (a.is_zero & b.is_zero) | b.is_signalling
+            raised = {"invalid": a.is_signalling | Mux(square_root, negative, undefined),
+                      "divide_by_zero": b.is_zero & ~(square_root | a.is_zero | a.is_infinite | a.is_nan)}
+        return SimpleNamespace(
+            **raised, square_root=square_root, a_significand=a.nonzero, a_exponent=a.exponent,
+            b_significand=b.nonzero, b_exponent=b.exponent,
+            sign=a.sign ^ (b.sign & ~square_root),
+            is_nan=a.is_nan | Mux(square_root, a.sign & ~a.is_zero,
+                                  b.is_nan | (a.is_infinite & b.is_infinite) | (a.is_zero & b.is_zero)),
+            is_infinite=a.is_infinite | (b.is_zero & ~square_root),
+            is_zero=a.is_zero | (b.is_infinite & ~square_root))
+
+    def _normalise(self, m, o, levels=None):
+        """The operands with the top bits of their significands one; ``levels`` as in ``stages.normalise``."""
+        values = dict(vars(o))
+        for name in self._operands:
+            of_significand, of_exponent = f"{name}_significand", f"{name}_exponent"
+            values[of_significand], values[of_exponent] = normalised(
+                m, self._format, values[of_significand], values[of_exponent], name, levels)
+        return SimpleNamespace(**values)
+
+    def _begin(self, m, o):
+        """The registers' first contents, all but ``quotient``, from the operands."""
+        fmt = self._format
+        square_root = o.square_root
 
         # Scale X by two if it is less than B, or if the root's exponent would not be whole: the
         # bias is odd, so that is where a_exponent is even. One subtraction compares the significands
@@ -148,38 +205,28 @@ class DigitRecurrence(wiring.Component):
         biased, taken_off = Signal.like(exponent), Signal.like(exponent)
         difference = Signal(fmt.fraction_width + len(exponent))
         m.d.comb += [
-            biased.eq(a_exponent + fmt.bias),
-            taken_off.eq(b_exponent),
-            difference.eq(Cat(a_significand[:-1], biased)
-                          - Mux(square_root, 0, Cat(b_significand[:-1], taken_off))),
+            biased.eq(o.a_exponent + fmt.bias),
+            taken_off.eq(o.b_exponent),
+            difference.eq(Cat(o.a_significand[:-1], biased)
+                          - Mux(square_root, 0, Cat(o.b_significand[:-1], taken_off))),
             exponent.eq(difference[fmt.fraction_width:]),
         ]
         less = exponent[0] ^ biased[0] ^ taken_off[0]
-        scale = Mux(square_root, ~a_exponent[0], less)
+        scale = Mux(square_root, ~o.a_exponent[0], less)
 
         # Weights: bit 0 of remainder, divisor and place is that of the last quotient bit.
         last = self._bits - 1
-        half = a_significand << (last - fmt.precision)
+        half = o.a_significand << (last - fmt.precision)
         remainder, divisor, place = Signal(last + 3), Signal(last + 2), Signal(last + 1)
         m.d.comb += [
             remainder.eq(Mux(scale, half << 1, half)),
-            divisor.eq(Mux(square_root, 0, b_significand << (last - fmt.fraction_width))),
+            divisor.eq(Mux(square_root, 0, o.b_significand << (last - fmt.fraction_width))),
             place.eq(Mux(square_root, 1 << last, 0)),
         ]
-        raised = {}
-        if self._flags:
-            negative = a.sign & ~a.is_zero & ~a.is_nan
-            undefined = (a.is_infinite & b.is_infinite) | (a.is_zero & b.is_zero) | b.is_signalling
-            raised = {"invalid": a.is_signalling | Mux(square_root, negative, undefined),
-                      "divide_by_zero": b.is_zero & ~(square_root | a.is_zero | a.is_infinite | a.is_nan)}
         return SimpleNamespace(
-            **raised, square_root=square_root, remainder=remainder, divisor=divisor, place=place,
-            exponent=Mux(square_root, exponent >> 1, exponent),
-            sign=a.sign ^ (b.sign & ~square_root),
-            is_nan=a.is_nan | Mux(square_root, a.sign & ~a.is_zero,
-                                  b.is_nan | (a.is_infinite & b.is_infinite) | (a.is_zero & b.is_zero)),
-            is_infinite=a.is_infinite | (b.is_zero & ~square_root),
-            is_zero=a.is_zero | (b.is_infinite & ~square_root))
+            **pick(o, self._raised), square_root=square_root,
+            remainder=remainder, divisor=divisor, place=place,
+            exponent=Mux(square_root, exponent >> 1, exponent), **pick(o, CLASSES))
 
     def _step(self, m, s, low=0):
         """The state after one more bit; ``low`` bits of T are known to be zero."""
@@ -217,12 +264,17 @@ class DigitRecurrence(wiring.Component):
         return 0
 
     @property
+    def _raised(self):
+        """Exceptions that are known from the operands."""
+        return RAISED if self._flags else ()
+
+    @property
     def _needs_exactness(self):
         """Whether an exact result is to be told from one that only lies near."""
         return self._flags or not self._rounding.is_nearest
 
-    def _finish(self, m, s):
-        """The outputs: ``result``, and ``flags`` if wanted."""
+    def _normal(self, m, s):
+        """The result as ``round_and_pack`` wants it, from the last state."""
         fmt = self._format
         quotient = s.quotient[:self._bits]
         # A root never lies halfway between two numbers, nor a quotient between two normal ones: the
@@ -236,12 +288,18 @@ class DigitRecurrence(wiring.Component):
             sticky = restored.any() | quotient[:-fmt.precision - 1].any()
             if not self._needs_exactness:
                 sticky |= s.square_root
-        return self._outputs(m, s, exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:]))
+        return self._result_of(s, exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:]))
 
-    def _outputs(self, m, s, **number):
-        result, raised = round_and_pack(m, self._format, SimpleNamespace(
-            sign=s.sign, is_nan=s.is_nan, is_infinite=s.is_infinite, is_zero=s.is_zero, **number), self._rounding)
-        flags = {"flags": Cat(raised, s.divide_by_zero, s.invalid)} if self._flags else {}
+    def _result_of(self, s, *, exponent, extended):
+        """A normalised result, with what has gone with the recurrence."""
+        if not self._may_be_subnormal:
+            exponent = exponent[:self._format.exponent_width]
+        return SimpleNamespace(**pick(s, CLASSES, self._raised), exponent=exponent, extended=extended)
+
+    def _outputs(self, m, number):
+        """``result``, and ``flags`` if wanted, of a normalised one."""
+        result, raised = round_and_pack(m, self._format, number, self._rounding)
+        flags = {"flags": Cat(raised, number.divide_by_zero, number.invalid)} if self._flags else {}
         return {"result": result, **flags}
 
 
@@ -270,9 +328,9 @@ class FpDivide(DigitRecurrence):
     flags : Out(FLAGS)
         Exceptions of this result, valid with it; only if wanted.
 
-    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
-    operation in ``interval`` cycles: pipelined 1, iterative ``latency`` - 1. A ``start`` that comes
-    earlier is ignored. No back-pressure.
+    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``, 3 more
+    for a pipeline with gradual subnormals; one operation in ``interval`` cycles: pipelined 1, iterative
+    ``latency`` - 1. A ``start`` that comes earlier is ignored. No back-pressure.
     Accuracy: correctly rounded.
     Special values: x / 0 is infinity; 0 / 0, infinity / infinity and NaN operands give the
     format's NaN.
@@ -326,9 +384,9 @@ class FpSquareRoot(DigitRecurrence):
     flags : Out(FLAGS)
         Exceptions of this result, valid with it; only if wanted.
 
-    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
-    operation in ``interval`` cycles: pipelined 1, iterative ``latency`` - 1. A ``start`` that comes
-    earlier is ignored. No back-pressure.
+    Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``, 2 more
+    for a pipeline with gradual subnormals; one operation in ``interval`` cycles: pipelined 1, iterative
+    ``latency`` - 1. A ``start`` that comes earlier is ignored. No back-pressure.
     Accuracy: correctly rounded.
     Special values: the root of -0 is -0; other negative operands and NaN give the format's NaN.
     Flags: invalid for these negative operands and signalling NaNs; inexact and underflow as in
@@ -338,6 +396,7 @@ class FpSquareRoot(DigitRecurrence):
     """
 
     _select = C(1)
+    _may_be_subnormal = False
 
     def _low_zeros(self, step):
         # T ends with the place of the bit.

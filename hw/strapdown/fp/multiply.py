@@ -6,7 +6,7 @@ from amaranth import *
 from . import exact
 from .pipeline import PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import normalise, pack, shift_right_sticky, unpack
+from .stages import FINE_LEVELS, align_subnormal, normalise, pack, unpack
 
 __all__ = ["FpMultiply"]
 
@@ -22,7 +22,7 @@ class FpMultiply(PipelinedOperator):
     format : FloatFormat
         Format of operands and result.
     latency : int
-        Register ranks, 1 to 6.
+        Register ranks, 1 to 6, or with gradual subnormals 1 to 8.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -47,11 +47,17 @@ class FpMultiply(PipelinedOperator):
 
     # Ranks at "unpack", "partial" and "product" are the registers that DSP blocks have inside. One
     # between the products of the slices and their sum suits an ECP5 best, whose blocks are smaller.
-    CUTS = ("unpack", "partial", "product", "normalise", "round", "result")
-    CUT_PRIORITY = ("result", "partial", "product", "normalise", "unpack", "round")
+    CUTS: tuple[str, ...] = ("unpack", "partial", "product", "normalise", "round", "result")
+    CUT_PRIORITY: tuple[str, ...] = ("result", "partial", "product", "normalise", "unpack", "round")
     DEFAULT_LATENCY = 2
+    # Subnormal operands are normalised before the product, subnormal results aligned behind it.
+    GRADUAL_CUTS = ("coarse", *CUTS[:4], "align", *CUTS[4:])
+    GRADUAL_PRIORITY = ("result", "partial", "normalise", "unpack", "align", "coarse", "product", "round")
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
+        if format.gradual:
+            self.CUTS, self.CUT_PRIORITY = self.GRADUAL_CUTS, self.GRADUAL_PRIORITY
+            self.DEFAULT_LATENCY = 6
         self._format = format
         self._rounding = Rounding(rounding)
         self._flags = bool(flags)
@@ -84,24 +90,30 @@ class FpMultiply(PipelinedOperator):
 
         # Unpack. A zero is a matter of flags, so flushing needs no look at the significands.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
+        undefined = (a.is_infinite & b.is_zero) | (a.is_zero & b.is_infinite)
+        classes = {"sign": a.sign ^ b.sign, "is_nan": a.is_nan | b.is_nan | undefined,
+                   "is_infinite": a.is_infinite | b.is_infinite, "is_zero": a.is_zero | b.is_zero}
+        if self._flags:
+            classes["invalid"] = a.is_signalling | b.is_signalling | undefined
         exponent = Signal(signed(max(width, fmt.fraction_width.bit_length()) + 2))
         if fmt.gradual:
             # One normaliser is enough: the product of two subnormals is shifted right anyway.
-            swap = ~b.significand[-1]
-            multiplicand, zeros = normalise(m, Mux(swap, b.significand, a.significand), "normalise")
-            multiplier = Mux(swap, a.significand, b.significand)
-            m.d.comb += exponent.eq(a.exponent + b.exponent - fmt.bias - zeros)
+            swap, levels = ~b.significand[-1], range((fmt.precision - 1).bit_length())
+            # The choice of the operand takes the time of a level.
+            fine_levels, coarse_levels = levels[:FINE_LEVELS + 1], levels[FINE_LEVELS + 1:]
+            multiplicand, coarse = normalise(m, Mux(swap, b.significand, a.significand), "coarse",
+                                             levels=coarse_levels)
+            s = rank("coarse", **classes, multiplicand=multiplicand, multiplier=Mux(swap, a.significand, b.significand),
+                     coarse=coarse, exponent=a.exponent + b.exponent)
+            classes, multiplier = pick(s, classes), s.multiplier
+            multiplicand, fine = normalise(m, s.multiplicand, "normalise", levels=fine_levels)
+            m.d.comb += exponent.eq(s.exponent - fmt.bias - Cat(fine, s.coarse))
         else:
             multiplicand, multiplier = Cat(self.a.fraction, C(1, 1)), Cat(self.b.fraction, C(1, 1))
             # a + b - bias = (a + b + 1) - 2**(width - 1): one adder, and a look at its two top bits.
             total = Signal(width + 1)
             m.d.comb += [total.eq(a.exponent - ~b.exponent),
                          exponent.eq(Cat(total[:-2], ~total[-2], total[-2:] == 1, (total[-2:] == 2).replicate(2)))]
-        undefined = (a.is_infinite & b.is_zero) | (a.is_zero & b.is_infinite)
-        classes = {"sign": a.sign ^ b.sign, "is_nan": a.is_nan | b.is_nan | undefined,
-                   "is_infinite": a.is_infinite | b.is_infinite, "is_zero": a.is_zero | b.is_zero}
-        if self._flags:
-            classes["invalid"] = a.is_signalling | b.is_signalling | undefined
         s = rank("unpack", **classes, exponent=exponent, multiplicand=multiplicand, multiplier=multiplier)
 
         # Multiply by slices, and add up what they give.
@@ -119,20 +131,23 @@ class FpMultiply(PipelinedOperator):
         extended = Cat(sticky, Mux(carry, s.product[-fmt.precision - 1:], s.product[-fmt.precision - 2:-1]))
         tiny = exponent[-1] | ~(exponent.any() | carry)
         overflow = ~exponent[-1] & (exponent[width:-1].any() | (exponent[1:width].all() & (exponent[0] | carry)))
-        outcome = {**pick(s, classes), "tiny": tiny, "overflow": overflow}
+        outcome, aside = {**pick(s, classes), "tiny": tiny, "overflow": overflow}, {}
         if fmt.gradual:
             if self._flags:
                 # Tininess after rounding: just below the least normal number the significand may
                 # carry, although its subnormal form is rounded at a higher bit.
                 up = self._rounding.increments(s.sign, extended[2], extended[1], extended[0])
                 outcome["tiny"] = tiny & ~(((exponent + carry) == 0) & extended[2:].all() & up)
+            below = Signal(len(exponent))
+            m.d.comb += below.eq(1 - exponent - carry)
+            aside = {"subnormal": tiny, "below": below}
+        s = rank("normalise", **outcome, **aside, exponent=exponent[:width], carry=carry, extended=extended)
+
+        if fmt.gradual:
             # A subnormal keeps the weight of exponent 1.
-            distance = Signal(len(exponent))
-            m.d.comb += distance.eq(1 - exponent - carry)
-            aligned = shift_right_sticky(m, extended, distance, "subnormal")
-            extended, carry = Mux(tiny, aligned, extended), carry & ~tiny
-            exponent = Mux(tiny, 0, exponent)
-        s = rank("normalise", **outcome, exponent=exponent[:width], carry=carry, extended=extended)
+            aligned = align_subnormal(m, s.extended, s.below)
+            s = rank("align", **pick(s, outcome), exponent=Mux(s.subnormal, 0, s.exponent),
+                     carry=s.carry & ~s.subnormal, extended=Mux(s.subnormal, aligned, s.extended))
 
         # Round.
         inexact = s.extended[:2].any()

@@ -62,7 +62,7 @@ class Ranks:
     """Register ranks at named cuts of a data flow.
 
     ``rank("align", sign=…, sum=…)`` gives back a namespace with the same values: registered if
-    the pipeline has a rank at that cut, the values themselves if not. ``valid`` follows.
+    the pipeline has a rank at that cut, the values themselves if not, or if constant. ``valid`` follows.
     Data registers have no reset; only the valid chain does.
     """
 
@@ -78,6 +78,9 @@ class Ranks:
             return SimpleNamespace(**values)
         registered = {}
         for name, value in values.items():
+            if isinstance(value, Const):
+                registered[name] = value
+                continue
             register = Signal.like(value, name=f"{cut}_{name}", reset_less=True)
             self._m.d.sync += register.eq(value)
             registered[name] = register

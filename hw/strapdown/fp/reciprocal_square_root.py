@@ -5,9 +5,10 @@ from types import SimpleNamespace
 from amaranth import *
 
 from . import exact
-from .divide_square_root import DigitRecurrence
+from .divide_square_root import CLASSES, DigitRecurrence
+from .pipeline import pick
 from .rounding import Rounding
-from .stages import normalised, unpack
+from .stages import unpack
 
 __all__ = ["FpReciprocalSquareRoot"]
 
@@ -48,6 +49,7 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     reciprocal square root, ARITH-15, 2001; Ercegovac and Lang, Digital Arithmetic, 2004, chapter 6.
     """
 
+    _operands = ("a",)
     _stepped = ("remainder", "trial", "quotient")
 
     def __init__(self, format, *, bits_per_cycle=2, rounding=Rounding.NEAREST_EVEN, flags=False):
@@ -84,28 +86,31 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     # < 2**(k+2) + 4 and 0 < F < 4 X (y + 1) + X < 2**(k+3) + 20. The last bit has k = p + 1 and needs W,
     # and F of k = p; bits that a last cycle makes beyond it are not used.
 
-    def _begin(self, m):
-        fmt = self._format
-        a = unpack(m, fmt, self.a, "a")
-        significand, a_exponent = normalised(m, fmt, self.a, a, "a")
-
-        # The bias is odd: the exponent is whole where that of the encoding is odd.
-        x = Signal(fmt.precision + 1)
-        m.d.comb += x.eq(Mux(a_exponent[0], significand, significand << 1))
-        half = (fmt.bias - 1) // 2
-        exponent = Signal(range(3 * half + fmt.precision // 2 + 2))
-        m.d.comb += exponent.eq(3 * half - ((a_exponent - 1) >> 1))
-
-        remainder, trial = Signal(2 * fmt.precision + 4), Signal(2 * fmt.precision + 3)
-        m.d.comb += [remainder.eq(~x), trial.eq(x + (x << 2))]
+    def _unpack(self, m):
+        a = unpack(m, self._format, self.a, "a")
         more = {}
         if self._flags:
             more = {"invalid": a.is_signalling | (a.sign & ~a.is_zero & ~a.is_nan), "divide_by_zero": a.is_zero}
-        if self._needs_exactness:
-            more["is_exact"] = a_exponent[0] & ~significand[:-1].any()
         return SimpleNamespace(
-            **more, remainder=remainder, trial=trial, x=x, exponent=exponent, sign=a.sign,
+            **more, a_significand=a.nonzero, a_exponent=a.exponent, sign=a.sign,
             is_nan=a.is_nan | (a.sign & ~a.is_zero), is_infinite=a.is_zero, is_zero=a.is_infinite)
+
+    def _begin(self, m, o):
+        fmt = self._format
+        # The bias is odd: the exponent is whole where that of the encoding is odd.
+        x = Signal(fmt.precision + 1)
+        m.d.comb += x.eq(Mux(o.a_exponent[0], o.a_significand, o.a_significand << 1))
+        half = (fmt.bias - 1) // 2
+        exponent = Signal(range(3 * half + fmt.precision // 2 + 2))
+        m.d.comb += exponent.eq(3 * half - ((o.a_exponent - 1) >> 1))
+
+        remainder, trial = Signal(2 * fmt.precision + 4), Signal(2 * fmt.precision + 3)
+        m.d.comb += [remainder.eq(~x), trial.eq(x + (x << 2))]
+        more = pick(o, self._raised)
+        if self._needs_exactness:
+            more["is_exact"] = o.a_exponent[0] & ~o.a_significand[:-1].any()
+        return SimpleNamespace(
+            **more, remainder=remainder, trial=trial, x=x, exponent=exponent, **pick(o, CLASSES))
 
     def _step(self, m, s, low=0):
         remainder, trial = Signal.like(s.remainder), Signal.like(s.trial)
@@ -124,11 +129,11 @@ class FpReciprocalSquareRoot(DigitRecurrence):
         return SimpleNamespace(**{**vars(s), "remainder": remainder, "trial": trial,
                                   "quotient": Cat(bit, s.quotient)})
 
-    def _finish(self, m, s):
+    def _normal(self, m, s):
         # The quotient is always too small, by less than its last place, and the result no middle
         # between two numbers: a dyadic fraction only for powers of four, where all bits are ones.
         exponent, extended = s.exponent, Cat(C(1, 1), s.quotient[-self._format.precision - 1:])
         if self._needs_exactness:
             exponent = exponent + s.is_exact
             extended = Mux(s.is_exact, 1 << len(extended) - 1, extended)
-        return self._outputs(m, s, exponent=exponent, extended=extended)
+        return self._result_of(s, exponent=exponent, extended=extended)

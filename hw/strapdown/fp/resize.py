@@ -5,7 +5,7 @@ from amaranth import *
 from . import exact
 from .pipeline import PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import FINE_LEVELS, normalise, round_and_pack, shift_right_sticky, unpack
+from .stages import FINE_LEVELS, align_subnormal, normalise, round_and_pack, unpack
 
 __all__ = ["FpToFp"]
 
@@ -89,18 +89,18 @@ class FpToFp(PipelinedOperator):
         # Where subnormals lie far below the other format's least number, they need no top bit: they are lost anyway.
         offset = fmt.bias - source.bias
         normalises = source.gradual and -offset < fmt.precision + 2
-        significand, zeros = a.significand, {}
+        significand, zeros = a.significand, C(0)
         levels = range((source.precision - 1).bit_length())
         if normalises:
-            significand, zeros["zeros"] = normalise(m, significand, "coarse", levels=levels[FINE_LEVELS:])
-        s = rank("coarse", **classes, **zeros, exponent=a.exponent, significand=significand)
+            significand, zeros = normalise(m, significand, "coarse", levels=levels[FINE_LEVELS:])
+        s = rank("coarse", **classes, zeros=zeros, exponent=a.exponent, significand=significand)
 
         # The exponent's range tells the rounding stage whether there can be subnormals.
         least, greatest = 1 + offset, source.exponent_special + offset
-        significand, zeros = s.significand, C(0)
+        significand, zeros = s.significand, s.zeros
         if normalises:
-            significand, zeros = normalise(m, significand, "normalise", levels=levels[:FINE_LEVELS])
-            zeros = Cat(zeros, s.zeros)
+            significand, fine = normalise(m, significand, "normalise", levels=levels[:FINE_LEVELS])
+            zeros = Cat(fine, zeros)
             least -= source.fraction_width
         exponent = Signal(range(least, greatest + 1) if least > 0 else range(min(least, -1), greatest + 1))
         m.d.comb += exponent.eq(s.exponent + offset - zeros)
@@ -109,7 +109,7 @@ class FpToFp(PipelinedOperator):
         s = rank("normalise", **pick(s, classes), **below, exponent=exponent,
                  extended=Cat(padded[:-fmt.precision - 1].any(), padded[-fmt.precision - 1:]))
 
-        aligned = {"aligned": shift_right_sticky(m, s.extended, s.below, "subnormal")} if below else {}
+        aligned = {"aligned": align_subnormal(m, s.extended, s.below)} if below else {}
         s = rank("align", **pick(s, classes, ("exponent", "extended")), **aligned)
         result, raised = round_and_pack(m, fmt, s, self._rounding)
         s = rank("result", result=result, **({"flags": Cat(raised, C(0), s.invalid)} if self._flags else {}))

@@ -6,7 +6,8 @@ from amaranth import *
 
 from .rounding import Rounding
 
-__all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_significand", "pack", "round_and_pack"]
+__all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_significand", "pack",
+           "align_subnormal", "round_and_pack"]
 
 FINE_LEVELS = 3
 """Levels of a shifter, by 1, 2 and 4, that come after the cut inside it."""
@@ -18,6 +19,7 @@ def unpack(m, fmt, operand, name):
     ``exponent`` is the biased exponent, 1 for gradual subnormals, so that ``significand``
     (fmt.precision bits, hidden bit on top) always weighs 2**(exponent - bias - fraction_width).
     With flushed subnormals a subnormal is a zero: its exponent has no meaning.
+    ``nonzero`` is the significand if the number is not zero, for less.
     ``is_signalling`` tells a NaN whose top fraction bit is zero.
     """
     tiny = operand.exponent == 0
@@ -32,6 +34,7 @@ def unpack(m, fmt, operand, name):
         is_nan=Signal(name=f"{name}_is_nan"),
         is_signalling=special & ~empty & ~operand.fraction[-1],
     )
+    number.nonzero = number.significand if fmt.gradual else Cat(operand.fraction, C(1, 1))
     m.d.comb += [
         number.exponent.eq(operand.exponent | (tiny & fmt.gradual)),
         number.significand.eq(Cat(operand.fraction, ~tiny)),
@@ -80,12 +83,15 @@ def normalise(m, value, name, *, limit=None, levels=None):
     return value, Cat(*distance)
 
 
-def normalised(m, fmt, operand, number, name):
-    """Significand with its top bit one, and exponent, of a number that is neither zero nor special."""
+def normalised(m, fmt, significand, exponent, name, levels=None):
+    """Significand shifted left until its top bit is one, and exponent, of a number neither zero nor special.
+
+    ``levels`` are those of ``normalise``.
+    """
     if not fmt.gradual:
-        return Cat(operand.fraction, C(1, 1)), number.exponent
-    significand, zeros = normalise(m, number.significand, f"{name}_normalise")
-    return significand, number.exponent - zeros
+        return significand, exponent
+    significand, zeros = normalise(m, significand, f"{name}_normalise", levels=levels)
+    return significand, exponent - (Cat(C(0, levels[0]), zeros) if levels else zeros)
 
 
 def round_significand(fmt, exponent, significand, guard, sticky, *, sign=0, rounding=Rounding.NEAREST_EVEN):
@@ -113,13 +119,20 @@ def pack(m, fmt, sign, encoded, *, is_nan, is_infinite, is_zero):
     return packed
 
 
+def align_subnormal(m, extended, below):
+    """``extended`` of a number other than zero shifted right by ``below``, its distance from exponent 1."""
+    levels = len(extended).bit_length()
+    aligned = shift_right_sticky(m, extended, below[:levels], "subnormal")
+    return Mux(below[levels:].any(), 1, aligned)
+
+
 def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
     """The number to put out for a normalised one of unbounded exponent, and what it raises.
 
     ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``, and, where
     none of these three holds, ``exponent`` (biased; signed if it may be less than 1) and
     ``extended``: sticky bit, guard bit and significand, from the low end, whose top bit is one. It may
-    have ``aligned``, if that is to be made elsewhere: ``extended`` shifted right to the weight of exponent 1.
+    have ``aligned``, if ``align_subnormal`` has a rank of its own.
 
     Returns (encoding, the three low bits of ``FLAGS``); flags that are not used make no circuit.
     """
@@ -132,7 +145,7 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
         if hasattr(number, "aligned"):
             aligned = number.aligned
         else:
-            aligned = shift_right_sticky(m, extended, (1 - number.exponent).as_unsigned(), "subnormal")
+            aligned = align_subnormal(m, extended, (1 - number.exponent).as_unsigned())
         exponent, extended = Mux(tiny, 0, exponent), Mux(tiny, aligned, extended)
     encoded = round_significand(fmt, exponent, extended[2:], extended[1], extended[0],
                                 sign=number.sign, rounding=rounding)
