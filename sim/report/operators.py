@@ -64,52 +64,56 @@ class OperatorEntry:
 def _each(operator, component, formats, **choices):
     """An entry for each format and each combination of choices, a choice being a list of values.
 
-    Those that flush are placed and routed: every useful depth of the adder and the multiplier, the default
-    depth of other pipelines, and one or two bits or steps a cycle of what the engines iterate.
+    Placed and routed are pipelines of default depth, more depths of those that flush, and, flushed, what
+    the engines iterate.
     """
     entries = []
     for chosen in formats:
         chosen = chosen if isinstance(chosen, tuple) else (chosen,)
         for values in product(*choices.values()):
             parameters = dict(zip(choices, values, strict=True))
-            wanted = FLUSH in chosen and _is_placed(component, **parameters)
+            default = component(*chosen, **{**parameters, "latency": None}).latency if "latency" in choices else None
+            wanted = _is_placed(component, chosen, default, **parameters)
             entries.append(OperatorEntry(operator, component, chosen, parameters, wanted))
     return entries
 
 
-def _is_placed(component, *, latency=None, bits_per_cycle=None, steps_per_cycle=None, iterative=True, **_):
-    if component in (FpAdd, FpMultiply):
-        return latency >= component.DEFAULT_LATENCY - 1
+def _is_placed(component, formats, default, *, latency=None, bits_per_cycle=None, iterative=True, **_):
     if latency is not None:
-        return latency == component.DEFAULT_LATENCY
-    if component in (FpDivideSquareRoot, FpReciprocalSquareRoot):
-        return True
-    return component is CordicAtan2 or (component in (FpDivide, FpSquareRoot) and not iterative and bits_per_cycle == 2)
+        is_curve = component in (FpAdd, FpMultiply, FpToFixed, FixedToFp) and FLUSH in formats
+        return latency == default or component is FixedAtan2 or (is_curve and latency >= default - 1)
+    if component in (FpDivide, FpSquareRoot):
+        return not iterative and bits_per_cycle == 2
+    return FLUSH in formats and component is not CordicSinCos
 
 
-def _depths(component):
-    return range(1, len(component.CUTS) + 1)
+def _depths(cuts):
+    return range(1, len(cuts) + 1)
 
 
 OPERATORS = (
-    *_each("add", FpAdd, BOTH, latency=_depths(FpAdd)),
-    *_each("multiply", FpMultiply, BOTH, latency=_depths(FpMultiply)),
+    *_each("add", FpAdd, BOTH, latency=_depths(FpAdd.CUTS)),
+    *_each("multiply", FpMultiply, [FLUSH], latency=_depths(FpMultiply.CUTS)),
+    *_each("multiply", FpMultiply, [BINARY32], latency=_depths(FpMultiply.GRADUAL_CUTS)),
     *_each("divide", FpDivide, BOTH, bits_per_cycle=(1, 2, 3), iterative=(False,)),
     *_each("divide", FpDivide, BOTH, bits_per_cycle=(1, 2, 3), iterative=(True,)),
     *_each("square root", FpSquareRoot, BOTH, bits_per_cycle=(1, 2, 3), iterative=(False,)),
     *_each("square root", FpSquareRoot, BOTH, bits_per_cycle=(1, 2, 3), iterative=(True,)),
     *_each("divide and square root", FpDivideSquareRoot, BOTH, bits_per_cycle=(1, 2, 3)),
     *_each("reciprocal square root", FpReciprocalSquareRoot, BOTH, bits_per_cycle=(1, 2)),
-    *_each("compare", FpCompare, BOTH, latency=_depths(FpCompare)),
-    *_each("less", FpRelation, [(FLUSH, "<"), (BINARY32, "<")], latency=_depths(FpRelation)),
-    *_each("minimum and maximum", FpMinMax, BOTH, latency=_depths(FpMinMax)),
-    *_each("to fixed, 16 bits", FpToFixed, [FLUSH], width=(16,), fraction_bits=(14,), latency=_depths(FpToFixed)),
-    *_each("to fixed, 32 bits", FpToFixed, [FLUSH], width=(32,), fraction_bits=(0,), latency=_depths(FpToFixed)),
-    *_each("from fixed, 16 bits", FixedToFp, [FLUSH], width=(16,), fraction_bits=(13,), latency=_depths(FixedToFp)),
-    *_each("from fixed, 32 bits", FixedToFp, [FLUSH], width=(32,), fraction_bits=(0,), latency=_depths(FixedToFp)),
+    *_each("compare", FpCompare, BOTH, latency=_depths(FpCompare.CUTS)),
+    *_each("less", FpRelation, [(FLUSH, "<"), (BINARY32, "<")], latency=_depths(FpRelation.CUTS)),
+    *_each("minimum and maximum", FpMinMax, BOTH, latency=_depths(FpMinMax.CUTS)),
+    *_each("to fixed, 16 bits", FpToFixed, [FLUSH], width=(16,), fraction_bits=(14,), latency=_depths(FpToFixed.CUTS)),
+    *_each("to fixed, 32 bits", FpToFixed, [FLUSH], width=(32,), fraction_bits=(0,), latency=_depths(FpToFixed.CUTS)),
+    *_each("from fixed, 16 bits", FixedToFp, [FLUSH], width=(16,), fraction_bits=(13,),
+           latency=_depths(FixedToFp.CUTS)),
+    *_each("from fixed, 32 bits", FixedToFp, [FLUSH], width=(32,), fraction_bits=(0,), latency=_depths(FixedToFp.CUTS)),
     *_each("to another format", FpToFp, [(BINARY32, BINARY16), (BINARY16, BINARY32), (BINARY32, BINARY64),
-                                         (BINARY64, BINARY32)]),
-    *_each("arctangent", CordicAtan2, BOTH, steps_per_cycle=(1, 2)),
-    *_each("sine and cosine", CordicSinCos, BOTH, steps_per_cycle=(1, 2)),
+                                         (BINARY64, BINARY32)], latency=_depths(FpToFp.CUTS)),
+    *_each("arctangent", CordicAtan2, BOTH, steps_per_cycle=(1, 2), iterative=(True,)),
+    *_each("arctangent", CordicAtan2, [FLUSH], steps_per_cycle=(1, 2), iterative=(False,)),
+    *_each("sine and cosine", CordicSinCos, BOTH, steps_per_cycle=(1, 2), iterative=(True,)),
+    *_each("sine and cosine", CordicSinCos, [FLUSH], steps_per_cycle=(1, 2), iterative=(False,)),
     *_each("arctangent, 16 bits", FixedAtan2, [()], latency=(5, 10, 15, len(FixedAtan2.CUTS))),
 )

@@ -76,20 +76,20 @@ class OperatorPage:
         return self.component(**{**self.parameters, **parameters})
 
 
-def _depths(component):
-    return {"latency": range(1, len(component.CUTS) + 1)}
+def _depths(cuts):
+    return {"latency": range(1, len(cuts) + 1)}
 
 
 _PER_CYCLE = (1, 2, 3, 4, 6)
 _BITS = {"bits_per_cycle": _PER_CYCLE}
-_VARIANTS = {"iterative": (False, True), **_BITS}
 _BOTH = BINARY32, BINARY32.with_subnormals(Subnormals.FLUSH)
+_VARIANTS = {"format": _BOTH, "iterative": (False, True), **_BITS}
 
 _PAGES = (
     OperatorPage(FpAdd, lambda: "\n\n".join([
         special.binary_tables(FpAdd, "a + b", subtract=False),
-        special.binary_tables(FpAdd, "a − b", subtract=True)]), choices=_depths(FpAdd)),
-    OperatorPage(FpMultiply, lambda: special.binary_tables(FpMultiply), choices=_depths(FpMultiply)),
+        special.binary_tables(FpAdd, "a − b", subtract=True)]), choices=_depths(FpAdd.CUTS)),
+    OperatorPage(FpMultiply, lambda: special.binary_tables(FpMultiply), choices=_depths(FpMultiply.GRADUAL_CUTS)),
     OperatorPage(FpDivide, lambda: special.binary_tables(FpDivide), choices=_VARIANTS),
     OperatorPage(FpSquareRoot, lambda: special.unary_table(FpSquareRoot), choices=_VARIANTS),
     OperatorPage(FpDivideSquareRoot, lambda: "\n\n".join([
@@ -97,19 +97,19 @@ _PAGES = (
         "Square root of a, `square_root` = 1:",
         special.unary_table(FpDivideSquareRoot, b=1, square_root=True)]), choices=_BITS),
     OperatorPage(FpReciprocalSquareRoot, lambda: special.unary_table(FpReciprocalSquareRoot), choices=_BITS),
-    OperatorPage(FpCompare, lambda: special.compare_tables(FpCompare), choices=_depths(FpCompare)),
+    OperatorPage(FpCompare, lambda: special.compare_tables(FpCompare), choices=_depths(FpCompare.CUTS)),
     OperatorPage(FpRelation, lambda: special.relation_table(FpRelation, RELATIONS),
-                 parameters={"format": BINARY32, "relation": "<"}, choices=_depths(FpRelation)),
+                 parameters={"format": BINARY32, "relation": "<"}, choices=_depths(FpRelation.CUTS)),
     OperatorPage(FpMinMax, lambda: "\n\n".join([
         special.binary_tables(FpMinMax, "Minimum, `maximum` = 0", maximum=False),
-        special.binary_tables(FpMinMax, "Maximum, `maximum` = 1", maximum=True)]), choices=_depths(FpMinMax)),
+        special.binary_tables(FpMinMax, "Maximum, `maximum` = 1", maximum=True)]), choices=_depths(FpMinMax.CUTS)),
     OperatorPage(FpSelect, lambda: special.choice_table(FpSelect)),
     OperatorPage(FpToFixed, lambda: special.to_fixed_table(16, 14),
-                 parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_depths(FpToFixed)),
+                 parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_depths(FpToFixed.CUTS)),
     OperatorPage(FixedToFp, lambda: special.from_fixed_table(32, 0),
-                 parameters={"format": BINARY32, "width": 32, "fraction_bits": 0}, choices=_depths(FixedToFp)),
+                 parameters={"format": BINARY32, "width": 32, "fraction_bits": 0}, choices=_depths(FixedToFp.CUTS)),
     OperatorPage(FpToFp, special.resize_tables, parameters={"from_format": BINARY32, "to_format": BINARY16},
-                 choices=_depths(FpToFp)),
+                 choices=_depths(FpToFp.CUTS)),
     OperatorPage(CordicAtan2, lambda: special.arctangent_tables(CordicAtan2),
                  choices={"format": _BOTH, "iterative": (True, False), "steps_per_cycle": _PER_CYCLE}),
     OperatorPage(CordicSinCos, lambda: special.sincos_table(CordicSinCos),
@@ -165,12 +165,12 @@ def _value(value):
     return repr(value)
 
 
-def _default(component, name):
-    default = inspect.signature(component.__init__).parameters[name].default
+def _default(page, name):
+    default = inspect.signature(page.component.__init__).parameters[name].default
     if default is inspect.Parameter.empty:
         return "–"
     if name == "latency":
-        default = component.DEFAULT_LATENCY
+        default = page.make().DEFAULT_LATENCY
     return f"`{_value(default)}`"
 
 
@@ -183,8 +183,8 @@ def _call(component, parameters):
 
 # Sections.
 
-def _parameters(component, entries):
-    rows = [[_names(heads), kind, _default(component, heads.partition(",")[0]), _markdown(text)]
+def _parameters(page, entries):
+    rows = [[_names(heads), kind, _default(page, heads.partition(",")[0]), _markdown(text)]
             for heads, kind, text in entries]
     return markdown_table(["parameter", "type", "default", "meaning"], rows)
 
@@ -240,7 +240,7 @@ def _timing_diagram(operator, operands, results):
 
 def _latencies(page):
     component, default = page.component, page.make()
-    priority = getattr(component, "CUT_PRIORITY", ())
+    priority = getattr(default, "CUT_PRIORITY", ())
     rows = []
     for values in product(*page.choices.values()):
         parameters = dict(zip(page.choices, values, strict=True))
@@ -250,7 +250,7 @@ def _latencies(page):
         row = [_choice(value) for name, value in parameters.items() if name != "latency"]
         row += [latency, operator.interval]
         if priority:
-            row.append(", ".join(cut for cut in component.CUTS if cut in priority[:operator.latency]))
+            row.append(", ".join(cut for cut in operator.CUTS if cut in priority[:operator.latency]))
         rows.append(row)
     head = [*(f"`{name}`:" if name.endswith("cycle") else f"`{name}`" for name in page.choices if name != "latency"),
             "latency:", "interval:", *(["register ranks after"] if priority else [])]
@@ -298,7 +298,7 @@ def page_text(page, report=None):
     def section(title, *texts):
         parts.extend([f"## {title}", *filter(None, texts)])
 
-    section("Parameters", _parameters(component, parameters),
+    section("Parameters", _parameters(page, parameters),
             f"Raises {_markdown(paragraphs['Raises'], page.name)}" if "Raises" in paragraphs else "")
     section("Ports", _ports(page, members))
     section("Timing", _timing(page))

@@ -39,8 +39,9 @@ class CordicAtan2(CordicComponent):
     iterations : int or None
         CORDIC steps, at least precision + 2, rounded up to fill the last cycle; None means
         precision + 6.
-    steps_per_cycle : int
-        CORDIC steps between two ranks of registers, at least 1.
+    steps_per_cycle : int or None
+        CORDIC steps between two ranks of registers, at least 1; None means 2
+        iterative, 1 pipelined.
     iterative : bool
         Whether one set of registers is used again and again; otherwise each step has a circuit
         of its own, and an operation may start in every cycle. Both give the same bits.
@@ -83,7 +84,7 @@ class CordicAtan2(CordicComponent):
     # that is, and index i alone selects shift and angle. In the other octants the angle is what is
     # left of pi/2 or pi, and z goes back to its place, 2**-d, before.
 
-    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=2, iterative=True, magnitude=False):
+    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=None, iterative=True, magnitude=False):
         self._take(format, least_exponent_width=3, iterations=iterations, steps_per_cycle=steps_per_cycle,
                    iterative=iterative)
         self._magnitude = bool(magnitude)

@@ -29,7 +29,8 @@ class CordicComponent(wiring.Component):
                              f"not {format.exponent_width!r}")
         self._format = format
         self._iterative = bool(iterative)
-        self._steps_per_cycle = operator.index(steps_per_cycle)
+        default = 2 if self._iterative else 1
+        self._steps_per_cycle = default if steps_per_cycle is None else operator.index(steps_per_cycle)
         if self._steps_per_cycle < 1 or (most_steps_per_cycle and self._steps_per_cycle > most_steps_per_cycle):
             range_ = f"from 1 to {most_steps_per_cycle}" if most_steps_per_cycle else "at least 1"
             raise ValueError(f"steps_per_cycle must be {range_}, not {steps_per_cycle!r}")

@@ -37,8 +37,9 @@ class CordicSinCos(CordicComponent):
     iterations : int or None
         CORDIC steps, at least precision + 2, rounded up to fill the last cycle; None means
         precision + 6.
-    steps_per_cycle : int
-        Steps of the reduction and of CORDIC between two ranks of registers, 1 to 8.
+    steps_per_cycle : int or None
+        Steps of the reduction and of CORDIC between two ranks of registers, 1 to 8; None means 2
+        iterative, 1 pipelined.
     iterative : bool
         Whether one set of registers is used again and again; otherwise each step has a circuit
         of its own, and an operation may start in every cycle. Both give the same bits.
@@ -55,7 +56,7 @@ class CordicSinCos(CordicComponent):
 
     Latency: ``latency`` cycles, ``start`` to ``done``, whatever the operand: 3 plus
     ``8 / steps_per_cycle``, rounded up, plus ``iterations / steps_per_cycle``; binary32 by default
-    22 cycles. One angle every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
+    22 cycles iterative, 41 pipelined. One angle every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
     Accuracy: within ``error_bound_ulp`` of either result, for every operand below ``limit``, close
     to multiples of pi/2 too, and with subnormal results included; by default binary32 0.74 ulp,
     binary64 0.80 ulp. A flushed result is compared after the steps, before rounding.
@@ -66,7 +67,7 @@ class CordicSinCos(CordicComponent):
     algorithm for elementary functions.
     """
 
-    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=2, iterative=True):
+    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=None, iterative=True):
         self._take(format, least_exponent_width=5, iterations=iterations, steps_per_cycle=steps_per_cycle,
                    iterative=iterative, most_steps_per_cycle=_REDUCTIONS)
         precision = format.precision
