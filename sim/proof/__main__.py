@@ -83,8 +83,10 @@ def exhaustive_command(only, part, jobs):
 
 @main.command("mutants")
 @click.option("--only", default="", metavar="REGEX", help="Only faults whose file matches.")
+@click.option("--baseline/--no-baseline", default=True, show_default=True,
+              help="Whether to run the tests without a fault first; not needed where `make test` has passed.")
 @JOBS
-def mutants_command(only, jobs):
+def mutants_command(only, baseline, jobs):
     """Put single faults into copies of the package: the operators' tests must notice each."""
     for mutant, count in mutation.misplaced(ROOT / "hw" / "strapdown"):
         raise click.ClickException(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
@@ -97,7 +99,7 @@ def mutants_command(only, jobs):
         console.print(f"{word:8} {verdict.mutant.file}: {verdict.mutant.breaks}  {verdict.by}", highlight=False)
 
     try:
-        verdicts = mutation.run(mutants, ROOT, jobs=jobs, report=report)
+        verdicts = mutation.run(mutants, ROOT, jobs=jobs, baseline=baseline, report=report)
     except RuntimeError as error:
         raise click.ClickException(str(error)) from None
     survivors = [verdict.mutant for verdict in verdicts if not verdict.killed]

@@ -40,15 +40,16 @@ def mutated(text, mutant):
     return text.replace(mutant.fragment, mutant.replacement)
 
 
-def run(mutants, root, *, jobs=2, report=lambda verdict: None):
+def run(mutants, root, *, jobs=2, baseline=True, report=lambda verdict: None):
     """Try faults, ``jobs`` at a time; returns their verdicts.
 
+    Without ``baseline`` the tests are taken to pass where there is no fault.
     Raises: RuntimeError if a test that is to notice a fault fails without one, or picks no test.
     """
     scratch = root / "build" / "mutants"
     scratch.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(jobs) as pool:
-        selections = sorted({(mutant.test_file, mutant.select) for mutant in mutants})
+        selections = sorted({(mutant.test_file, mutant.select) for mutant in mutants}) if baseline else []
         for selection, result in zip(selections, pool.map(lambda tests: _sound(tests, root, scratch), selections),
                                      strict=True):
             if result.returncode:

@@ -64,8 +64,8 @@ class OperatorEntry:
 def _each(operator, component, formats, **choices):
     """An entry for each format and each combination of choices, a choice being a list of values.
 
-    Placed and routed are pipelines of default depth, more depths of those that flush, and, flushed, what
-    the engines iterate.
+    Placed and routed are pipelines of default depth, the adder and the multiplier of other depths too, and, flushed,
+    what the engines iterate.
     """
     entries = []
     for chosen in formats:
@@ -80,8 +80,8 @@ def _each(operator, component, formats, **choices):
 
 def _is_placed(component, formats, default, *, latency=None, bits_per_cycle=None, iterative=True, **_):
     if latency is not None:
-        is_curve = component in (FpAdd, FpMultiply, FpToFixed, FixedToFp) and FLUSH in formats
-        return latency == default or component is FixedAtan2 or (is_curve and latency >= default - 1)
+        is_curve = component in (FpAdd, FpMultiply) and FLUSH in formats and latency >= default - 1
+        return latency == default or is_curve or (component is FixedAtan2 and latency == 10)
     if component in (FpDivide, FpSquareRoot):
         return not iterative and bits_per_cycle == 2
     return FLUSH in formats and component is not CordicSinCos
@@ -112,8 +112,8 @@ OPERATORS = (
     *_each("to another format", FpToFp, [(BINARY32, BINARY16), (BINARY16, BINARY32), (BINARY32, BINARY64),
                                          (BINARY64, BINARY32)], latency=_depths(FpToFp.CUTS)),
     *_each("arctangent", CordicAtan2, BOTH, steps_per_cycle=(1, 2), iterative=(True,)),
-    *_each("arctangent", CordicAtan2, [FLUSH], steps_per_cycle=(1, 2), iterative=(False,)),
+    *_each("arctangent", CordicAtan2, [FLUSH], steps_per_cycle=(1,), iterative=(False,)),
     *_each("sine and cosine", CordicSinCos, BOTH, steps_per_cycle=(1, 2), iterative=(True,)),
-    *_each("sine and cosine", CordicSinCos, [FLUSH], steps_per_cycle=(1, 2), iterative=(False,)),
+    *_each("sine and cosine", CordicSinCos, [FLUSH], steps_per_cycle=(1,), iterative=(False,)),
     *_each("arctangent, 16 bits", FixedAtan2, [()], latency=(5, 10, 15, len(FixedAtan2.CUTS))),
 )
