@@ -12,7 +12,7 @@ from strapdown_sim.drivers.toolchain import SimulatorMissingError
 
 from . import exhaustive, formal, mutation
 from .mutants import MUTANTS
-from .solver import ENGINE, SolverMissingError
+from .solver import SolverMissingError
 
 ROOT = Path(__file__).resolve().parents[2]
 JOBS = click.option("--jobs", type=click.IntRange(1), default=os.cpu_count(), show_default=True,
@@ -45,7 +45,7 @@ def formal_command(only, jobs):
     except SolverMissingError as error:
         raise click.ClickException(str(error)) from None
     for prop, outcome in zip(props, outcomes, strict=True):
-        table.add_row(prop.subject, prop.claim, ENGINE, str(prop.depth), outcome.word, f"{outcome.seconds:.1f}")
+        table.add_row(prop.subject, prop.claim, prop.engine, str(prop.depth), outcome.word, f"{outcome.seconds:.1f}")
     console.print(table)
     failed = sum(not outcome.passed for outcome in outcomes)
     console.print(f"{len(outcomes) - failed} of {len(outcomes)} properties proved")

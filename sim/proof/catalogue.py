@@ -46,6 +46,8 @@ SMALL = FloatFormat(3, 2)
 TINY = FloatFormat(2, 1)
 EIGHT_BITS = FloatFormat(4, 3)
 
+# z3 does not find that two dividers are equal.
+SOLVERS = {"div": "boolector"}
 
 CLAIMS = {
     FloatResult: "every result is the exact one, rounded",
@@ -168,7 +170,7 @@ def properties():
                        VendorOrder(vendor, settled=True), latency, ("vendor",))
         yield Property(subject, "no rdy before the first result", VendorOrder(vendor, settled=False), latency)
         yield Property(subject, "a result is that of its own operands", VendorAlignment(vendor), latency,
-                       ("one", "other"))
+                       ("one", "other"), solver=SOLVERS.get(name, "z3"))
     for circuit, make, parameters, options in results():
         small = make(*parameters, **options)
         yield Property(describe(make, *parameters, **options), CLAIMS[circuit], circuit(small), small.latency)

