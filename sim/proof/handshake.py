@@ -20,6 +20,14 @@ def anything(value):
     return AnySeq(len(value))
 
 
+def _module_around(op):
+    """A module with the operator as ``op``, its inputs anything."""
+    m = Module()
+    m.submodules.op = op
+    m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+    return m, op
+
+
 def equal_results(one, other):
     """Whether all results of two copies are equal."""
     return Cat(*one.values()) == Cat(*other.values())
@@ -71,9 +79,7 @@ class PipelineFromReset(Elaboratable):
         self.op = make()
 
     def elaborate(self, platform):
-        m = Module()
-        m.submodules.op = op = self.op
-        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+        m, op = _module_around(self.op)
         started = Signal(op.latency)
         m.d.sync += started.eq(Cat(op.start, started))
         m.d.comb += [Assert(op.done == started[-1]), Cover(op.done)]
@@ -91,9 +97,7 @@ class IterativeHandshake(Elaboratable):
         self.op = make()
 
     def elaborate(self, platform):
-        m = Module()
-        m.submodules.op = op = self.op
-        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+        m, op = _module_around(self.op)
         left, accept = Signal(range(op.interval)), Signal()
         m.d.comb += accept.eq(op.start & (left == 0))
         m.d.sync += left.eq(Mux(accept, op.interval - 1, Mux(left == 0, 0, left - 1)))
@@ -110,9 +114,7 @@ class IterativeHold(_Clockwork):
         self.op = make()
 
     def elaborate(self, platform):
-        m = Module()
-        m.submodules.op = op = self.op
-        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+        m, op = _module_around(self.op)
         m.d.comb += Assume(~ResetSignal())
         results = Cat(*ports(op, None, without=("done",)).values())
         before = Signal.like(results)
