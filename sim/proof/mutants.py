@@ -94,7 +94,7 @@ MUTANTS = (
          ("Mux(self.condition, self.a, self.b)", "Mux(self.condition, self.b, self.a)", "the wrong one is chosen")),
     *_of("fp/resize.py",
          ("offset = fmt.bias - source.bias", "offset = fmt.bias - source.bias + 1", "results are doubled"),
-         ("Cat(padded[:-fmt.precision - 1].any(), ", "Cat(padded[1:-fmt.precision - 1].any(), ",
+         ("Cat(padded[:-fmt.precision - 1].any(), ", "Cat((padded[:-fmt.precision - 1] >> fmt.precision + 1).any(), ",
           "the lowest bit does not count as sticky"),
          ("least -= source.fraction_width", "least -= 1", "the range of exponents is too small for subnormals")),
     *_of("fp/convert.py",

@@ -169,7 +169,7 @@ def numbers_for(fmt, rng):
     """All numbers of a format, or many."""
     if fmt.width <= 16:
         return np.arange(1 << fmt.width, dtype=np.uint64)
-    return random_numbers(fmt, CASES[fmt.width], rng)
+    return random_numbers(fmt, CASES.get(fmt.width, CASES[64]), rng)
 
 
 def pairs_for(fmt, rng):

@@ -36,6 +36,7 @@ SHAPES = [
     (BINARY16, BINARY32, 1), (BINARY16, BINARY64, 3), (BINARY16, FLOAT8, 1), (BINARY16, flush(FLOAT8), 1),
     (flush(BINARY16), BINARY32, 1), (BFLOAT16, BINARY16, 3), (BFLOAT16, LONG, 1), (FLOAT8, NARROW, 1),
     (FLOAT8, flush(NARROW), 1), (flush(NARROW), FLOAT8, 1), (NARROW, LONG, 4),
+    (LONG, BINARY16, 4), (LONG, FLOAT8, 2), (LONG, BINARY32, 3),
 ]
 SOURCES = list(dict.fromkeys(shape[0] for shape in SHAPES))
 
