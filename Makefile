@@ -17,13 +17,14 @@ help: ## Show this list.
 
 setup: $(VENV)/ready ## Prepare .venv with pinned dependencies and the strapdown command.
 
-$(VENV)/ready: pyproject.toml constraints.txt
+$(VENV)/ready: pyproject.toml scripts/pyproject.toml constraints.txt
 	python3 -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		--editable '.[dev]' --editable scripts
 	touch $@
 
 $(VENV)/ready-%: $(VENV)/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$*]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable 'scripts[$*]'
 	touch $@
 
 icarus: # Icarus Verilog from Debian, where it is missing and the user may install it.
@@ -48,13 +49,13 @@ report: $(VENV)/ready-report ## Synthesise, place and route operators and cores;
 	mkdir -p docs/report && cp build/report/*.json build/report/*.png docs/report
 
 formal: $(VENV)/ready-formal ## Prove properties of the operators; ONLY=REGEX chooses. See docs/proof.md.
-	$(BIN)/python -m strapdown_sim.proof formal --only '$(ONLY)'
+	$(BIN)/python -m strapdown_lab.proof formal --only '$(ONLY)'
 
 exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sqrt, PART=1/256 choose.
-	$(BIN)/python -m strapdown_sim.proof exhaustive $(addprefix --only ,$(ONLY)) --fraction $(PART)
+	$(BIN)/python -m strapdown_lab.proof exhaustive $(addprefix --only ,$(ONLY)) --fraction $(PART)
 
 mutants: setup ## Put single faults into the operators; their tests must notice. ONLY=REGEX chooses files.
-	$(BIN)/python -m strapdown_sim.proof mutants --only '$(ONLY)'
+	$(BIN)/python -m strapdown_lab.proof mutants --only '$(ONLY)'
 
 accuracy: $(VENV)/ready-accuracy ## Attitude filters on real recordings, beside published ones, for `make docs`; RECORDINGS=folder.
 	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
@@ -62,14 +63,13 @@ accuracy: $(VENV)/ready-accuracy ## Attitude filters on real recordings, beside 
 
 lint: setup ## Check style, types, spelling and the direction of imports.
 	$(BIN)/ruff check .
-	$(BIN)/mypy hw/strapdown
-	$(BIN)/mypy sim
+	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/codespell
 
 docs: demo ## Write the generated figures and the demo's picture into README.md and docs/.
-	$(BIN)/python scripts/update_docs.py
-	$(BIN)/python -m strapdown_sim.proof document
+	$(BIN)/python -m strapdown_lab.docs
+	$(BIN)/python -m strapdown_lab.proof document
 
 clean: ## Remove what was generated, but not .venv.
 	rm -rf build

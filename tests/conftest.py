@@ -1,6 +1,5 @@
 """What tests share: where things are, and models built once."""
 
-import importlib.util
 from functools import cache
 from pathlib import Path
 
@@ -15,16 +14,6 @@ ROOT = Path(__file__).parents[1]
 def root():
     """Folder of the checkout."""
     return ROOT
-
-
-@pytest.fixture(scope="session")
-def update_docs(make_core):
-    """The script that writes the generated figures, as a module; it need not make again the cores that are there."""
-    spec = importlib.util.spec_from_file_location("update_docs", ROOT / "scripts" / "update_docs.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    module.make_core = make_core
-    return module
 
 
 @pytest.fixture(scope="session")

@@ -2,15 +2,18 @@
 
 import re
 
-
-def test_table_of_modules(root, update_docs):
-    block = update_docs.block((root / "README.md").read_text(), "modules")
-    assert block[1].strip() == update_docs.modules_block()
+from strapdown_lab import docs
+from strapdown_lab.checkout import block
 
 
-def test_table_of_configurations(root, update_docs):
-    block = update_docs.block((root / "README.md").read_text(), "configurations")
-    assert block[1].strip() == update_docs.configurations_block()
+def test_table_of_modules(root, make_core):
+    found = block((root / "README.md").read_text(), "modules")
+    assert found[1].strip() == docs.modules_block(make_core)
+
+
+def test_table_of_configurations(root, make_core):
+    found = block((root / "README.md").read_text(), "configurations")
+    assert found[1].strip() == docs.configurations_block(make_core)
 
 
 def test_linked_files_exist(root):

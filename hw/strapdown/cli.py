@@ -1,10 +1,12 @@
 # amaranth: UnusedElaboratable=no
 # Operators are made, and their options so checked, before the first is written.
-"""The command line: list, generate, design, replay, monitor, report, accuracy, explain."""
+"""The command line: list, generate, design, replay, monitor, explain, schedule."""
 
+import io
 import math
 import re
-from functools import partial
+import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import click
@@ -19,9 +21,8 @@ from strapdown.export import explain, write_core, write_link, write_operator
 from strapdown.export.stream import stream_listing
 from strapdown.kernel.microprogram import Microprogram
 from strapdown.kernel.schedule import Schedule
-from strapdown.synthesis import Cache, ToolMissingError
 
-__all__ = ["main"]
+__all__ = ["UserError", "main"]
 
 
 class UserError(click.ClickException):
@@ -68,13 +69,37 @@ def configuration(config_name, changes):
     return config, " ".join([f"--config {config_name}", *(f"--set {change}" for change in changes)])
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class Commands(click.Group):
+    """The commands of this file, and those that an installed package adds under the entry point strapdown.commands."""
+
+    def list_commands(self, context):
+        return sorted({*super().list_commands(context), *entry_points(group="strapdown.commands").names})
+
+    def get_command(self, context, name):
+        if command := super().get_command(context, name):
+            return command
+        if added := entry_points(group="strapdown.commands", name=name):
+            return next(iter(added)).load()
+        if name in LAB_COMMANDS:
+            raise UserError(f"'{name}' needs a checkout of the project: there, 'make setup' installs it")
+        return None
+
+
+LAB_COMMANDS = "accuracy", "report"
+"""Commands of the laboratory, which is not in the wheel."""
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="strapdown")
 def main():
     """Navigation cores for FPGAs, written once in Python.
 
     Generate Verilog, replay recordings through it, and trace a microprogram back to its equation.
     """
+    for stream in sys.stdout, sys.stderr:
+        # A degree sign must not end a replay where the terminal's encoding has none.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 @main.command("list")
@@ -198,6 +223,7 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.recordings import RecordingError, read_recording
     from strapdown_sim.replay import replay as run
@@ -282,100 +308,6 @@ def monitor_(port, baud_rate, output, plot, live):
         raise UserError(f"cannot write {error.filename or output}: {error.strerror}") from None
     click.echo(f"{output}  {counts.frames} frames, {counts.lost} lost, {counts.crc_errors} CRC errors, "
                f"{counts.restarts} restarts, {counts.skipped_bytes} bytes skipped")
-
-
-@main.command()
-@click.option("--operators", is_flag=True, help="Report operators, and cores only if they are asked for too.")
-@click.option("--cores", is_flag=True, help="Report cores, and operators only if they are asked for too.")
-@click.option("--only", metavar="OPERATOR", multiple=True,
-              help="Report only the operators of this name, as in --only add. May be repeated.")
-@click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
-              help="Report only the core of this configuration. May be repeated.")
-@click.option("--place/--no-place", default=True, show_default=True,
-              help="Whether to place and route, which takes most of the time and gives the clock frequency.")
-@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/report"),
-              show_default=True, help="Folder for JSON, tables and pictures.")
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder for the tools' answers and simulation models, which are kept.")
-def report(operators, cores, only, config_names, place, output, build):
-    """Synthesise operators and cores, place and route them, and compare them with public ones.
-
-    Answers are kept, so that a run that was cut off goes on where it was.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-    from strapdown_sim.drivers.toolchain import SimulatorMissingError
-    from strapdown_sim.report.cores import CORES
-    from strapdown_sim.report.measure import core_design, measure, operator_design, provenance
-    from strapdown_sim.report.operators import OPERATORS
-    from strapdown_sim.report.report import write_cores, write_operators, write_page
-
-    names = list(dict.fromkeys(entry.operator for entry in OPERATORS))
-    if unknown := [name for name in only if name not in names]:
-        raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
-    operators, cores = bool(operators or only), bool(cores or config_names)
-    everything = operators == cores
-    chosen = {
-        "cores": [entry for entry in CORES if not config_names or entry.config.name in config_names]
-        if cores or everything else [],
-        "operators": [entry for entry in OPERATORS if not only or entry.operator in only]
-        if operators or everything else []}
-    designs = {"cores": partial(core_design, build=build), "operators": operator_design}
-    cache = Cache(build / "report" / "cache")
-    columns = (TextColumn("{task.description:<10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    reports = {}
-    try:
-        source = provenance(place=place)
-        with Progress(*columns, console=Console(stderr=True)) as bars:
-            for kind, entries in chosen.items():
-                if entries:
-                    task = bars.add_task(kind, total=sum(1 + (place and entry.placed) for entry in entries))
-                    rows = measure(map(designs[kind], entries), cache, place=place,
-                                   progress=partial(bars.advance, task))
-                    reports[kind] = {**source, kind: rows}
-    except (SimulatorMissingError, ToolMissingError) as error:
-        raise UserError(str(error)) from None
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        if "cores" in reports:
-            write_cores(output, reports["cores"])
-        if "operators" in reports:
-            write_operators(output, reports["operators"])
-        path = write_page(output, **reports)
-    except OSError as error:
-        raise UserError(f"cannot write to {output}: {error.strerror}") from None
-    click.echo(path)
-
-
-@main.command()
-@click.argument("recordings", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/accuracy"),
-              show_default=True, help="Folder for accuracy.json, accuracy.md and accuracy.png.")
-def accuracy(recordings, output):
-    """Run this project's and published filters over all .npz files of the folder RECORDINGS.
-
-    Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-    from strapdown_sim.accuracy import measure, write_accuracy
-    from strapdown_sim.recordings import RecordingError
-
-    with Progress(TextColumn("filters on recordings"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-                  console=Console(stderr=True)) as bars:
-        task = bars.add_task("", total=None)
-        try:
-            result = measure(recordings, progress=lambda done, total: bars.update(task, completed=done, total=total))
-        except RecordingError as error:
-            raise UserError(str(error)) from None
-        except ModuleNotFoundError as error:
-            raise UserError(f"the package {error.name} is not installed: 'make accuracy' installs it") from None
-    if not result["recordings"]:
-        raise UserError(f"{recordings} has no .npz recording with a reference orientation")
-    try:
-        click.echo(write_accuracy(result, output))
-    except OSError as error:
-        raise UserError(f"cannot write to {output}: {error.strerror}") from None
 
 
 @main.command("schedule")

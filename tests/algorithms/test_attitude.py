@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.reference.ports import reference_outputs
-from strapdown_sim.stimuli.thesis import TABLES
 
 from strapdown.config import MAHONY, THESIS
 from strapdown.cores import ATTITUDE_CORES
+from strapdown_sim.reference.ports import reference_outputs
+from strapdown_sim.stimuli.thesis import TABLES
 
 MODULES = [name for name in ATTITUDE_CORES if name != "INS_top"]
 RNG = np.random.default_rng(11)

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.errors import rotation_angle
-from strapdown_sim.reference.flight import STATUS
-from strapdown_sim.replay import flight_filter
 
 from strapdown.algorithms.flight import FRAMES, field_correction, tilt_correction
 from strapdown.config import FLIGHT, FLIGHT_6AXIS
 from strapdown.cores.flight import ins_flight
 from strapdown.kernel.numeric import Float64
+from strapdown_sim.errors import rotation_angle
+from strapdown_sim.reference.flight import STATUS
+from strapdown_sim.replay import flight_filter
 
 RATE_HZ = 100
 

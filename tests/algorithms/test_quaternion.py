@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.reference import quaternion as exact
 
 from strapdown.algorithms import quaternion
 from strapdown.config import QUATERNION_J2, QUATERNION_J3
 from strapdown.cores import quat_direct
 from strapdown.kernel.numeric import Float64
+from strapdown_sim.reference import quaternion as exact
 
 RNG = np.random.default_rng(7)
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_from_geodetic, rest_errors
-from strapdown_sim.stimuli.flight import SOURCE_EARTH, Change, Flight, at_rest
 
 from strapdown.algorithms import sins
 from strapdown.config import SINS, SINS_DAMPED
 from strapdown.cores import sins_top
 from strapdown.kernel.numeric import Float64
 from strapdown.kernel.system import leaves
+from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_from_geodetic, rest_errors
+from strapdown_sim.stimuli.flight import SOURCE_EARTH, Change, Flight, at_rest
 
 RNG = np.random.default_rng(2)
 FLIGHT = Flight(

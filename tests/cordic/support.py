@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from amaranth.back import verilog
-from strapdown_sim.drivers.toolchain import SimulatorMissingError
-from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat
+from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 BFLOAT16, CUSTOM = FloatFormat(8, 7), FloatFormat(6, 16)
 FORMATS = {f"{fmt.name}_{policy}": fmt.with_subnormals(policy)

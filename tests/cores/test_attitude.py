@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.drivers.core import CoreModel
-from strapdown_sim.reference.attitude import ComplementaryFilter
-from strapdown_sim.reference.ports import reference_outputs
-from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
 
 from strapdown.config import THESIS, THESIS_COMPACT, THESIS_FAST
 from strapdown.cores import ATTITUDE_CORES
 from strapdown.export import write_core
+from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.reference.attitude import ComplementaryFilter
+from strapdown_sim.reference.ports import reference_outputs
+from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
 
 SEED = 20151
 UPDATES = 20_000

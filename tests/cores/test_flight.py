@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.drivers.core import CoreModel
-from strapdown_sim.recordings import read_recording
-from strapdown_sim.replay import replay
 
 from strapdown.config import CONFIGS, FLIGHT, FLIGHT_6AXIS, THESIS, ConfigError, FlightConfig
 from strapdown.cores import ins_flight
 from strapdown.export import write_core
+from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.recordings import read_recording
+from strapdown_sim.replay import replay
 
 SEED = 42
 UPDATES = 5000

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from amaranth.lib.wiring import In
 from click.testing import CliRunner
-from strapdown_sim.drivers.toolchain import SimulatorMissingError, icarus_missing, run_tool
-from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 from strapdown.cli import main
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.export import operator_text
+from strapdown_sim.drivers.toolchain import SimulatorMissingError, icarus_missing, run_tool
+from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 SEED = 20150601
 ROWS = 4000

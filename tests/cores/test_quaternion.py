@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.drivers.core import CoreModel
-from strapdown_sim.reference import quaternion as exact
 
 from strapdown.config import QUATERNION_J2, QUATERNION_J3
 from strapdown.export import write_core
 from strapdown.fp import BINARY64, Subnormals
 from strapdown.kernel.pool import Pool
+from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.reference import quaternion as exact
 
 UPDATES = 20_000
 BINARY64_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH))

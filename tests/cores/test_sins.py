@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from strapdown_sim.drivers.core import CoreModel
-from strapdown_sim.stimuli.flight import airliner, sensor_errors
 
 from strapdown.config import SINS, SINS_DAMPED
 from strapdown.cores import sins_top
 from strapdown.export import write_core
 from strapdown.fp import BINARY32, Subnormals
 from strapdown.kernel.pool import Pool
+from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.stimuli.flight import airliner, sensor_errors
 
 INPUTS = {"in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_sin_lat", "in_cos_lat",
           "in_sin_lon", "in_cos_lon", "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2",

@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from strapdown_sim.drivers.stream import RESET, StreamModel
 
 from strapdown.config import THESIS_X8, ConfigError
 from strapdown.cores import make_core, modules_of
 from strapdown.export import description, write_core
+from strapdown_sim.drivers.stream import RESET, StreamModel
 
 SEED = 20151
 UPDATES = 20_000

@@ -5,9 +5,9 @@ from math import factorial
 
 import numpy as np
 import pytest
-from strapdown_sim.reference import quaternion as exact
 
 from strapdown.design import METHODS, least_squares, minimax, smallest_order
+from strapdown_sim.reference import quaternion as exact
 
 RANGES = [0.07, 0.5, 3.0]
 ORDERS = [2, 3, 5]

@@ -5,12 +5,12 @@ import subprocess
 import sys
 
 import pytest
-from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_environment, verilator_root
 
 from strapdown.config import MAHONY, THESIS
 from strapdown.cores import ATTITUDE_CORES
 from strapdown.export import verilog_text, write_core
 from strapdown.export.tidy import KEYWORDS
+from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_environment, verilator_root
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ from amaranth import *
 from amaranth.back import verilog
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
-from strapdown_sim.drivers.toolchain import SimulatorMissingError
-from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat
+from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 VECTORS = Path(__file__).resolve().parents[3] / "shared" / "vectors" / "testfloat"
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.drivers.verilated import VerilatedModel
 

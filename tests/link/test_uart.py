@@ -12,7 +12,6 @@ from amaranth.back import verilog
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from click.testing import CliRunner
-from strapdown_sim.drivers.verilated import Interface
 
 from strapdown.cli import main
 from strapdown.config import SINS
@@ -22,6 +21,7 @@ from strapdown.export import write_link
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System
 from strapdown.link import LAYOUT, NAVIGATION, FrameSender, UartTransmitter, frame_size
+from strapdown_sim.drivers.verilated import Interface
 
 from .support import crc16, frame, received, verilated
 

@@ -4,10 +4,10 @@ import os
 from pathlib import Path
 
 import pytest
-from strapdown_sim.drivers.bench import run_bench
-from strapdown_sim.drivers.toolchain import icarus_missing
 
 from strapdown.cores import ATTITUDE_CORES
+from strapdown_sim.drivers.bench import run_bench
+from strapdown_sim.drivers.toolchain import icarus_missing
 
 BUILD = Path(__file__).parents[2] / "build" / "sim"
 CONFIGS = dict.fromkeys(ATTITUDE_CORES, "thesis") | {

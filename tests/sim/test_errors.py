@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from strapdown_sim import errors
 from strapdown_sim.recordings import Recording, Reference
 

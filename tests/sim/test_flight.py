@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from strapdown_sim.stimuli.flight import SOURCE_EARTH, WGS84, Change, Flight, at_rest, sensor_errors
 
 FLIGHT = Flight(

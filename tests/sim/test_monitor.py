@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from strapdown_sim.monitor import FrameDecoder, monitor, read_port
 
 from strapdown.cli import main
+from strapdown_sim.monitor import FrameDecoder, monitor, read_port
 
 COUNT = 40
 

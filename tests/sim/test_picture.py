@@ -1,5 +1,6 @@
 import numpy as np
 from matplotlib.image import imread
+
 from strapdown_sim.picture import attitude_picture
 
 TIME = np.arange(500) / 100

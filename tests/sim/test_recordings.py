@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from strapdown_sim.recordings import RecordingError, read_recording
 
 SENSORS = {"Gyroscope": "deg/s", "Accelerometer": "g", "Magnetometer": "uT"}

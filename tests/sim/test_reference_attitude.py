@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from strapdown_sim.reference.attitude import (
     ComplementaryFilter,
     acc_error,

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+
+from strapdown.config import FLIGHT
 from strapdown_sim.errors import attitude_errors, conjugate, multiply, rotation_angle
 from strapdown_sim.reference.attitude import matrix_from_quaternion
 from strapdown_sim.reference.flight import FRAME_QUATERNIONS, STATUS, FlightFilter
-
-from strapdown.config import FLIGHT
 
 RATE_HZ = 100
 G = 9.81

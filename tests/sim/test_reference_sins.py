@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_from_geodetic, rest_errors, rotation
 from strapdown_sim.stimuli.flight import SOURCE_EARTH, Flight, airliner, at_rest
 

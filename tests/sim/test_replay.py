@@ -3,10 +3,12 @@
 import json
 
 import pytest
-from strapdown_sim.recordings import read_recording
-from strapdown_sim.replay import replay
 
 from strapdown.config import MAHONY
+from strapdown_lab import docs
+from strapdown_lab.checkout import block
+from strapdown_sim.recordings import read_recording
+from strapdown_sim.replay import replay
 
 # float32 is good to 2**-24; Kp = 0.5 forgets an error in two seconds, some 600 updates of ten
 # roundings each. If all of them went one way it would be 600·10·2**-24 rad = 0.02 degrees; they
@@ -25,13 +27,13 @@ def check(recording, folder, models):
 
 
 @pytest.mark.verilator
-def test_x_imu_recording(x_imu_recording, tmp_path, models, root, update_docs):
+def test_x_imu_recording(x_imu_recording, tmp_path, models, root):
     summary = check(read_recording(x_imu_recording), tmp_path, models)
     assert summary["samples"] == 12_626
     assert summary["sample_rate_hz"] == 256
     # This is what `make demo` runs: its table in the README has to be true.
     written = json.loads((tmp_path / "summary.json").read_text())
-    assert update_docs.block((root / "README.md").read_text(), "demo")[1].strip() == update_docs.demo_block(written)
+    assert block((root / "README.md").read_text(), "demo")[1].strip() == docs.demo_block(written)
 
 
 @pytest.mark.verilator

@@ -2,11 +2,9 @@
 
 from importlib.metadata import version
 
-from amaranth.back import verilog
-
 from strapdown.link import LAYOUT, NAVIGATION
 
-from .tidy import tidy
+from .backend import to_verilog
 from .verilog import comment, configuration, paragraph, ports, table, versions, write_files
 
 __all__ = ["link_description", "link_text", "write_link"]
@@ -34,8 +32,7 @@ def link_text(linked, config):
         f"As {core.system.name}: {core.system.finish} rises {core.latency} cycles after the edge that takes a start. "
         f"A frame begins two cycles later; it has {sender.size} bytes and takes {sender.interval} cycles, "
         f"{sender.divisor} to a bit.")
-    body = verilog.convert(linked, name=NAME, emit_src=False, strip_internal_attrs=True)
-    return comment(lines) + tidy(body)
+    return comment(lines) + to_verilog(linked, NAME)
 
 
 def _ports(linked):

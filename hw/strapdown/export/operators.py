@@ -4,9 +4,7 @@ import json
 import re
 from importlib.metadata import version
 
-from amaranth.back import verilog
-
-from .tidy import tidy
+from .backend import to_verilog
 from .verilog import comment, paragraph, table, versions
 
 __all__ = ["operator_description", "operator_text", "write_operator"]
@@ -17,7 +15,7 @@ def operator_text(vendor):
     kind = vendor.kind
     # Tidied under a name that no signal has: `less` is also one of the comparison's.
     top = f"vendor_{kind.name}"
-    body = tidy(verilog.convert(vendor, name=top, emit_src=False, strip_internal_attrs=True)).replace(top, kind.name)
+    body = to_verilog(vendor, top).replace(top, kind.name)
     if kind.result.width == 1:
         # The vendor declares a bit of result as a vector of one.
         head, end, rest = body.partition("endmodule\n")

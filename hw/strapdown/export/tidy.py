@@ -59,7 +59,7 @@ def _tidy_module(text, submodules):
 
 def _plain_identifiers(text, submodules):
     """Escaped identifiers as plain ones, and names that are keywords somewhere as others."""
-    declared = set(re.findall(r"^  (?:wire|reg) (?:\[\d+:\d+\] )?(\w+)", text, re.MULTILINE))
+    declared = set(re.findall(r"^  (?:wire|reg) (?:signed )?(?:\[\d+:\d+\] )?(?!signed )(\w+)", text, re.MULTILINE))
     for keyword in sorted(declared & KEYWORDS):
         text = re.sub(rf"(?<![\\\w.$])\b{keyword}\b", f"\\\\{keyword} ", text)
     taken = set(re.findall(r"(?<![\\\w$.])[A-Za-z_]\w*", text)) | KEYWORDS | set(submodules.values())

@@ -7,14 +7,12 @@ from enum import Enum
 from importlib.metadata import version
 from textwrap import wrap
 
-from amaranth.back import verilog
-
 from strapdown.kernel.stream import StreamEngine
 from strapdown.kernel.system import leaves
 
+from .backend import to_verilog
 from .explain import microprogram_listing
 from .stream import stream_facts, stream_listing, stream_meanings, stream_timing
-from .tidy import tidy
 
 __all__ = ["verilog_text", "description", "write_core"]
 
@@ -28,8 +26,7 @@ def verilog_text(core, config):
     every run and machine.
     """
     name = core.system.name
-    body = verilog.convert(core, name=name, emit_src=False, strip_internal_attrs=True)
-    return header(core, config) + tidy(body)
+    return header(core, config) + to_verilog(core, name)
 
 
 def header(core, config):

@@ -1,0 +1,108 @@
+"""Commands that the laboratory adds to ``strapdown``: report and accuracy."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from strapdown.cli import UserError
+from strapdown.config import CONFIGS
+from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.recordings import RecordingError
+
+from .report.cores import CORES
+from .report.measure import core_design, measure, operator_design, provenance
+from .report.operators import OPERATORS
+from .report.report import write_cores, write_operators, write_page
+from .studies.accuracy import measure as measure_accuracy
+from .studies.accuracy import write_accuracy
+from .synthesis import Cache, ToolMissingError
+
+__all__ = ["accuracy", "report"]
+
+
+@click.command()
+@click.option("--operators", is_flag=True, help="Report operators, and cores only if they are asked for too.")
+@click.option("--cores", is_flag=True, help="Report cores, and operators only if they are asked for too.")
+@click.option("--only", metavar="OPERATOR", multiple=True,
+              help="Report only the operators of this name, as in --only add. May be repeated.")
+@click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
+              help="Report only the core of this configuration. May be repeated.")
+@click.option("--place/--no-place", default=True, show_default=True,
+              help="Whether to place and route, which takes most of the time and gives the clock frequency.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/report"),
+              show_default=True, help="Folder for JSON, tables and pictures.")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder for the tools' answers and simulation models, which are kept.")
+def report(operators, cores, only, config_names, place, output, build):
+    """Synthesise operators and cores, place and route them, and compare them with public ones.
+
+    Answers are kept, so that a run that was cut off goes on where it was.
+    """
+
+    names = list(dict.fromkeys(entry.operator for entry in OPERATORS))
+    if unknown := [name for name in only if name not in names]:
+        raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
+    operators, cores = bool(operators or only), bool(cores or config_names)
+    everything = operators == cores
+    chosen = {
+        "cores": [entry for entry in CORES if not config_names or entry.config.name in config_names]
+        if cores or everything else [],
+        "operators": [entry for entry in OPERATORS if not only or entry.operator in only]
+        if operators or everything else []}
+    designs: dict[str, Callable] = {"cores": partial(core_design, build=build), "operators": operator_design}
+    cache = Cache(build / "report" / "cache")
+    columns = (TextColumn("{task.description:<10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    reports = {}
+    try:
+        source = provenance(place=place)
+        with Progress(*columns, console=Console(stderr=True)) as bars:
+            for kind, entries in chosen.items():
+                if entries:
+                    task = bars.add_task(kind, total=sum(1 + (place and entry.placed) for entry in entries))
+                    rows = measure(map(designs[kind], entries), cache, place=place,
+                                   progress=partial(bars.advance, task))
+                    reports[kind] = {**source, kind: rows}
+    except (SimulatorMissingError, ToolMissingError) as error:
+        raise UserError(str(error)) from None
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        if "cores" in reports:
+            write_cores(output, reports["cores"])
+        if "operators" in reports:
+            write_operators(output, reports["operators"])
+        path = write_page(output, **reports)
+    except OSError as error:
+        raise UserError(f"cannot write to {output}: {error.strerror}") from None
+    click.echo(path)
+
+
+@click.command()
+@click.argument("recordings", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/accuracy"),
+              show_default=True, help="Folder for accuracy.json, accuracy.md and accuracy.png.")
+def accuracy(recordings, output):
+    """Run this project's and published filters over all .npz files of the folder RECORDINGS.
+
+    Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
+    """
+
+    with Progress(TextColumn("filters on recordings"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+                  console=Console(stderr=True)) as bars:
+        task = bars.add_task("", total=None)
+        try:
+            result = measure_accuracy(
+                recordings, progress=lambda done, total: bars.update(task, completed=done, total=total))
+        except RecordingError as error:
+            raise UserError(str(error)) from None
+        except ModuleNotFoundError as error:
+            raise UserError(f"the package {error.name} is not installed: 'make accuracy' installs it") from None
+    if not result["recordings"]:
+        raise UserError(f"{recordings} has no .npz recording with a reference orientation")
+    try:
+        click.echo(write_accuracy(result, output))
+    except OSError as error:
+        raise UserError(f"cannot write to {output}: {error.strerror}") from None

@@ -1,0 +1,100 @@
+"""Write the generated figures into README.md and docs/, the operators' pages, and the picture of the demo.
+
+Run by `make docs`, after `make demo`. The tests hold the files against the same functions. The figures of
+docs/report.md and docs/flight.md come from docs/report, where `make report` and `make accuracy` put them.
+"""
+
+import json
+import shutil
+
+from strapdown.config import CONFIGS, THESIS
+from strapdown.cores import ATTITUDE_CORES, main_module, make_core
+
+from .checkout import ROOT, write_blocks
+from .report.pages import PAGES, flags_table, index_table, page_text
+from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
+from .studies.accuracy import markdown_table
+
+
+def modules_block(make_core=make_core):
+    """Table of the modules with their latency. ``make_core`` may keep the cores it has made."""
+    rows = ["| module | what it gives | cycles | µs at 100 MHz |", "|---|---|---:|---:|"]
+    for name in ATTITUDE_CORES:
+        core = make_core(name, THESIS)
+        rows.append(f"| `{name}` | {core.system.title} | {core.latency} | {core.latency / 100:.2f} |")
+    return "\n".join(rows)
+
+
+def configurations_block(make_core=make_core):
+    """Table of the configurations: their top module, cycles, and what was measured of it."""
+    report = ROOT / "docs" / "report" / "cores.json"
+    measured = {row["config"]: row for row in json.loads(report.read_text())["cores"]} if report.exists() else {}
+    rows = ["| configuration | module | what it is | cycles | LUT | DSP | BRAM | MHz | µs |",
+            "|---|---|---|---:|---:|---:|---:|---:|---:|"]
+    for config in CONFIGS.values():
+        module = main_module(config)
+        core = make_core(module, config)
+        cells = [getattr(core.engine, "interval", core.latency), *"–––––"]
+        if row := measured.get(config.name):
+            cells[1:4] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}"]
+            if "ecp5" in row:
+                cells[4:] = [f"{row['ecp5']['fmax_mhz']:.0f}", f"{microseconds(row):.2f}"]
+        rows.append(f"| `{config.name}` | `{module}` | {config.description} | {' | '.join(map(str, cells))} |")
+    return "\n".join(rows)
+
+
+def demo_block(summary):
+    """Table of what a replay's summary says."""
+    difference = summary["against_float64_reference_deg"]
+    return "\n".join([
+        "| samples | cycles per update | µs at 100 MHz | largest difference from float64 | RMS difference "
+        "| bits that differ from the twin |", "|---:|---:|---:|---:|---:|---:|",
+        f"| {summary['samples']:,} | {summary['cycles_per_update']} "
+        f"| {summary['microseconds_per_update_at_100_mhz']:.2f} | {difference['max']:.6f}° | {difference['rms']:.6f}° "
+        f"| {summary['bits_differing_from_twin']} |"])
+
+
+def report_blocks():
+    """Tables of docs/report.md, by the name of their block."""
+    cores, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text())
+                        for name in ("cores", "operators"))
+    return {"flow": flow_lines(cores), "cores": core_table(cores), "public cores": anchor_table(),
+            "operators": operator_tables(operators)}
+
+
+def accuracy_blocks():
+    """Tables of docs/flight.md, by the name of their block."""
+    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text())
+    return {f"{figure} error": markdown_table(result, figure).strip() for figure in ("total", "inclination")}
+
+
+def operator_pages():
+    """Pages of docs/operators, by the name of their operator; with its resources where they have been measured."""
+    figures = ROOT / "docs" / "report" / "operators.json"
+    report = json.loads(figures.read_text()) if figures.exists() else None
+    return {name: page_text(page, report) for name, page in PAGES.items()}
+
+
+def operator_index_blocks():
+    """Tables of docs/operators/README.md, by the name of their block."""
+    return {"operators": index_table(), "flags": flags_table()}
+
+
+def main():
+    """Update README.md and docs/attitude.png from build/demo, docs/operators, and other pages from docs/report."""
+    summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
+    write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
+                                      "configurations": configurations_block()})
+    shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
+    for name, text in operator_pages().items():
+        (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)
+    write_blocks(ROOT / "docs" / "operators" / "README.md", operator_index_blocks())
+    figures = ROOT / "docs" / "report"
+    if (figures / "operators.json").exists() and (figures / "cores.json").exists():
+        write_blocks(ROOT / "docs" / "report.md", report_blocks())
+    if (figures / "accuracy.json").exists():
+        write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""`python -m strapdown_lab.proof`: formal, exhaustive, mutants and the generated parts of docs/proof.md."""
+
+import json
+import os
+import re
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from strapdown_sim.drivers.toolchain import SimulatorMissingError
+
+from ..checkout import ROOT, write_blocks
+from . import exhaustive, formal, mutation
+from .mutants import MUTANTS
+from .solver import SolverMissingError
+
+JOBS = click.option("--jobs", type=click.IntRange(1), default=os.cpu_count(), show_default=True,
+                    help="How many at a time.")
+console = Console(width=160)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def main():
+    """Proofs of the operators, exhaustive runs, and faults that tests must notice: docs/proof.md."""
+
+
+@main.command("formal")
+@click.option("--only", default="", metavar="REGEX", help="Only properties whose operator or claim matches.")
+@JOBS
+def formal_command(only, jobs):
+    """Prove the properties of all operators; the table goes to build/formal/outcomes.json too."""
+    props = formal.chosen(only)
+    if not props:
+        raise click.BadParameter(f"no property matches {only!r}", param_hint="--only")
+    table = Table("operator", "property", "engine", "edges", "result", "s")
+
+    def report(prop, outcome):
+        console.print(f"{outcome.word:7} {prop.subject}: {prop.claim}", highlight=False)
+        if outcome.report:
+            console.print(outcome.report, highlight=False, markup=False)
+
+    try:
+        outcomes = formal.run(props, ROOT / "build" / "formal", jobs=jobs, report=report)
+    except SolverMissingError as error:
+        raise click.ClickException(str(error)) from None
+    for prop, outcome in zip(props, outcomes, strict=True):
+        table.add_row(prop.subject, prop.claim, prop.engine, str(prop.depth), outcome.word, f"{outcome.seconds:.1f}")
+    console.print(table)
+    failed = sum(not outcome.passed for outcome in outcomes)
+    console.print(f"{len(outcomes) - failed} of {len(outcomes)} properties proved")
+    if failed:
+        raise SystemExit(1)
+
+
+@main.command("exhaustive")
+@click.option("--only", multiple=True, type=click.Choice(list(exhaustive.SUBJECTS)), help="May be repeated.")
+@click.option("--fraction", "part", default="1", show_default=True, metavar="PART",
+              help="Part of all operands, evenly spread, as in 1/256.")
+@JOBS
+def exhaustive_command(only, part, jobs):
+    """Run all 2**32 operands through Verilated operators. An interrupted run goes on where it was."""
+    try:
+        part = exhaustive.fraction(part)
+    except (ValueError, ZeroDivisionError):
+        raise click.BadParameter(f"must be above 0 and at most 1, not {part!r}", param_hint="--fraction") from None
+    try:
+        runs = exhaustive.check(only or list(exhaustive.SUBJECTS), part, jobs, ROOT)
+    except SimulatorMissingError as error:
+        raise click.ClickException(str(error)) from None
+    except KeyboardInterrupt:
+        raise click.ClickException("interrupted; the same command goes on from here") from None
+    for run in runs:
+        state = run.state
+        operands = len(state["shards"]) * exhaustive.SHARD
+        console.print(f"{run.name}: {operands:,} operands, {state['mismatches']} mismatches")
+        for row in state["examples"]:
+            operand, got, wanted = row.split()
+            console.print(f"  {operand} gives {got}, not {wanted}", highlight=False)
+    if any(run.state["mismatches"] for run in runs):
+        raise SystemExit(1)
+
+
+@main.command("mutants")
+@click.option("--only", default="", metavar="REGEX", help="Only faults whose file matches.")
+@click.option("--baseline/--no-baseline", default=True, show_default=True,
+              help="Whether to run the tests without a fault first; not needed where `make test` has passed.")
+@JOBS
+def mutants_command(only, baseline, jobs):
+    """Put single faults into copies of the package: the operators' tests must notice each."""
+    for mutant, count in mutation.misplaced(ROOT / "hw" / "strapdown"):
+        raise click.ClickException(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
+    mutants = [mutant for mutant in MUTANTS if re.search(only, mutant.file)]
+    if not mutants:
+        raise click.BadParameter(f"no file matches {only!r}", param_hint="--only")
+
+    def report(verdict):
+        word = "killed" if verdict.killed else "SURVIVED"
+        console.print(f"{word:8} {verdict.mutant.file}: {verdict.mutant.breaks}  {verdict.by}", highlight=False)
+
+    try:
+        verdicts = mutation.run(mutants, ROOT, jobs=jobs, baseline=baseline, report=report)
+    except RuntimeError as error:
+        raise click.ClickException(str(error)) from None
+    survivors = [verdict.mutant for verdict in verdicts if not verdict.killed]
+    console.print(f"{len(verdicts) - len(survivors)} of {len(verdicts)} faults noticed")
+    if survivors:
+        raise SystemExit(1)
+
+
+@main.command("document")
+def document():
+    """Write the generated parts of docs/proof.md."""
+    write_blocks(ROOT / "docs" / "proof.md", blocks())
+
+
+def blocks():
+    """Generated parts of docs/proof.md, by the name of their block."""
+    record = ROOT / "docs" / "exhaustive.json"
+    return {"properties": formal.summary(),
+            "exhaustive": exhaustive.table(json.loads(record.read_text()) if record.exists() else {}),
+            "faults": mutation.table()}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+# amaranth: UnusedElaboratable=no
+"""All 2**32 operands of the 32-bit operators of one operand, through their Verilated circuits."""
+
+import datetime
+import hashlib
+import json
+import math
+import os
+import subprocess
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from fractions import Fraction
+from importlib.resources import files
+from typing import Any
+
+from amaranth import *
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from strapdown.export.backend import to_verilog
+from strapdown.fp import BINARY32, FixedToFp, FpReciprocalSquareRoot, FpSquareRoot, FpToFixed
+from strapdown_sim.drivers.verilated import Interface, VerilatedModel
+
+__all__ = ["SUBJECTS", "Run", "Subject", "table"]
+
+SHARD = 1 << 22
+SHARDS = (1 << 32) // SHARD
+FLUSH32 = BINARY32.with_subnormals("flush")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """An operator with one 32-bit operand, and the expectation of exhaustive.cpp that it must meet."""
+
+    make: Callable[[], Any]
+    expectation: str
+    meaning: str
+
+
+SUBJECTS = {
+    "sqrt": Subject(lambda: FpSquareRoot(BINARY32), "square_root", "square root, gradual"),
+    "rsqrt": Subject(lambda: FpReciprocalSquareRoot(BINARY32, bits_per_cycle=6), "reciprocal_square_root",
+                     "reciprocal square root, gradual, 6 bits a cycle"),
+    "to_int32": Subject(lambda: FpToFixed(BINARY32, width=32, fraction_bits=0), "to_int32", "float to 32-bit integer"),
+    "to_fixed16": Subject(lambda: FpToFixed(FLUSH32, width=16, fraction_bits=14), "to_fixed16",
+                          "float to 16 bits, 14 of them behind the point, flushed"),
+    "from_int32": Subject(lambda: FixedToFp(BINARY32, width=32, fraction_bits=0), "from_int32",
+                          "32-bit integer to float"),
+}
+
+
+class Lanes(wiring.Component):
+    """Copies of an operator side by side, started together: a simulator then spends its time on them, not on itself.
+
+    Members ``operand_<n>``, ``result_<n>``; ``start``; ``done``, a bit a copy.
+    """
+
+    COUNT = 4
+
+    def __init__(self, make):
+        self._copies = [make() for _ in range(self.COUNT)]
+        super().__init__({**{name: In(32) for name in self.operands}, "start": In(1),
+                          **{name: Out(len(Value.cast(self.operator.result))) for name in self.results},
+                          "done": Out(self.COUNT)})
+
+    @property
+    def operator(self):
+        """One of the copies."""
+        return self._copies[0]
+
+    @property
+    def operands(self):
+        """Names of the operands' ports."""
+        return tuple(f"operand_{lane}" for lane in range(self.COUNT))
+
+    @property
+    def results(self):
+        """Names of the results' ports."""
+        return tuple(f"result_{lane}" for lane in range(self.COUNT))
+
+    def elaborate(self: Any, platform):
+        m = Module()
+        for lane, (op, operand, result) in enumerate(zip(self._copies, self.operands, self.results, strict=True)):
+            m.submodules[f"lane_{lane}"] = op
+            port = Value.cast(op.operand if hasattr(op, "operand") else op.a)
+            m.d.comb += [port.eq(getattr(self, operand)), op.start.eq(self.start),
+                         getattr(self, result).eq(Value.cast(op.result)), self.done[lane].eq(op.done)]
+        return m
+
+
+class ExhaustiveModel(VerilatedModel):
+    """Verilated copies of an operator that make their operands and their expectations themselves."""
+
+    DRIVER = files(__package__) / "exhaustive.cpp"
+    # It runs long, and on no other machine.
+    FLAGS = "-O2", "-march=native"
+
+    def check(self, subject, op, first, count):
+        """See ``Run.check``.
+
+        Raises: RuntimeError if ``done`` does not come when it should.
+        """
+        result = subprocess.run(
+            [self._executable, subject.expectation, str(int(not op.format.gradual)), str(op.latency),
+             str(op.interval), str(first), str(count)], capture_output=True, text=True, check=False)
+        if result.returncode:
+            raise RuntimeError(f"{subject.meaning}, from operand {first:#x}: {result.stdout or result.returncode}")
+        *rows, number = result.stdout.splitlines()
+        return int(number), rows
+
+
+class Run:
+    """The exhaustive check of one operator, as far as it has come.
+
+    What is done is kept in ``build/exhaustive/<name>.json`` after every shard; a run that was broken
+    off goes on there, unless the circuit or the expectations have changed.
+    """
+
+    def __init__(self, name, build):
+        self.name, self.subject = name, SUBJECTS[name]
+        build.mkdir(parents=True, exist_ok=True)
+        source = build / f"{name}.v"
+        lanes = Lanes(self.subject.make)
+        self.operator = lanes.operator
+        source.write_text(to_verilog(lanes, "lanes"))
+        driver = ExhaustiveModel.DRIVER.read_text()
+        self.circuit = hashlib.sha256((source.read_text() + driver).encode()).hexdigest()[:16]
+        interface = Interface("lanes", lanes.operands, lanes.results, start="start", finish="done",
+                              reset="rst", reset_active=1)
+        self._model = ExhaustiveModel(source, interface, build / "models")
+        self._file = build / f"{name}.json"
+        self._lock = threading.Lock()
+        self.state: dict[str, Any] = {"circuit": self.circuit, "shards": [], "mismatches": 0, "examples": []}
+        if self._file.exists() and (stored := json.loads(self._file.read_text()))["circuit"] == self.circuit:
+            self.state = stored
+
+    @property
+    def complete(self):
+        """Whether every operand has been tried."""
+        return len(self.state["shards"]) == SHARDS
+
+    def remaining(self, fraction):
+        """Shards still to do for a part of all operands, evenly spread."""
+        wanted = math.ceil(SHARDS * fraction)
+        done = set(self.state["shards"])
+        return [shard for shard in (index * SHARDS // wanted for index in range(wanted)) if shard not in done]
+
+    def check(self, first, count):
+        """Results of operands from ``first`` on: (number of mismatches, the first of them as text).
+
+        ``count`` is a multiple of ``Lanes.COUNT``.
+        """
+        return self._model.check(self.subject, self.operator, first, count)
+
+    def do(self, shard):
+        """Check one shard and keep what came of it."""
+        mismatches, rows = self.check(shard * SHARD, SHARD)
+        with self._lock:
+            self.state["shards"].append(shard)
+            self.state["mismatches"] += mismatches
+            self.state["examples"] = (self.state["examples"] + rows)[:10]
+            partial = self._file.with_suffix(".partial")
+            partial.write_text(json.dumps(self.state) + "\n")
+            partial.replace(self._file)
+        return mismatches
+
+
+def fraction(text):
+    """A part of all operands, as in 1/256; ValueError unless above 0 and at most 1."""
+    value = Fraction(text)
+    if not 0 < value <= 1:
+        raise ValueError(text)
+    return value
+
+
+def check(names, part, jobs, root):
+    """Run the chosen operators to the end; returns the runs. Complete ones are entered in docs/exhaustive.json."""
+    runs = []
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns) as progress:
+        for name in names:
+            run = Run(name, root / "build" / "exhaustive")
+            shards = run.remaining(part)
+            task = progress.add_task(f"{name}, shards", total=len(shards))
+            with ThreadPoolExecutor(jobs) as pool:
+                # Nothing is queued far ahead, so that an interruption is heard at once.
+                futures = [pool.submit(run.do, shard) for shard in shards]
+                try:
+                    for future in as_completed(futures):
+                        future.result()
+                        progress.advance(task)
+                except BaseException:
+                    pool.shutdown(cancel_futures=True)
+                    raise
+            if run.complete:
+                _record(run, root)
+            runs.append(run)
+    return runs
+
+
+def _record(run, root):
+    """Enter a complete run in docs/exhaustive.json."""
+    path = root / "docs" / "exhaustive.json"
+    record = json.loads(path.read_text()) if path.exists() else {}
+    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
+                            check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
+    entry = {"operator": run.subject.meaning, "latency": run.operator.latency, "circuit": run.circuit,
+             "operands": len(run.state["shards"]) * SHARD, "mismatches": run.state["mismatches"]}
+    # A run that was complete already keeps its date.
+    if {key: record.get(run.name, {}).get(key) for key in entry} != entry:
+        record[run.name] = {**entry, "date": datetime.datetime.now(datetime.UTC).date().isoformat(), "commit": commit}
+        path.write_text(json.dumps(dict(sorted(record.items())), indent=2) + "\n")
+
+
+def table(record):
+    """The rows of docs/exhaustive.json as a Markdown table."""
+    if not record:
+        return "No run is entered yet."
+    rows = ["| operator | operands | mismatches | date | commit |", "|---|---:|---:|---|---|"]
+    rows += [f"| {entry['operator']} | {entry['operands']:,} | {entry['mismatches']:,} | {entry['date']} "
+             f"| `{entry['commit']}` |" for entry in record.values()]
+    return "\n".join(rows)

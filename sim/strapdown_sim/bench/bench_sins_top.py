@@ -1,0 +1,103 @@
+"""Bench for SINS_top alone: start values, an alignment at rest, rest itself, and what its status tells."""
+
+import math
+
+import cocotb
+
+from strapdown_sim.bench.handshake import CoreDriver
+from strapdown_sim.drivers.bench import core_under_test
+from strapdown_sim.stimuli.flight import SOURCE_EARTH, WGS84
+
+core, config = core_under_test()
+EARTH = {"source": SOURCE_EARTH, "wgs84": WGS84}[config.earth]
+LATITUDE_DEG, LONGITUDE_DEG, HEADING_DEG, HEIGHT_M = 50.0, -120.0, 30.0, 400.0
+LATITUDE, HEADING = math.radians(LATITUDE_DEG), math.radians(HEADING_DEG)
+DEGREE = 1e-10
+"""Tolerance of angles: 1e-12 of an arctangent's degrees, and the heading a thousand times that, as rounding of the
+specific force (2**-53) tilts an axis that the earth's rate alone gives."""
+
+
+def sample(omega=None, f=None, *, velocity=(0.0, 0.0, 0.0), load=0.0, align=0.0):
+    """Inputs of one update; by default those of a body at rest, level, with the heading above."""
+    east = -math.cos(LATITUDE) * math.sin(HEADING) * EARTH.rate_rad_s
+    north = math.cos(LATITUDE) * math.cos(HEADING) * EARTH.rate_rad_s
+    omega = omega or (east, north, math.sin(LATITUDE) * EARTH.rate_rad_s)
+    f = f or (0.0, 0.0, EARTH.gravity(LATITUDE, HEIGHT_M))
+    place = (math.sin(LATITUDE), math.cos(LATITUDE), math.sin(math.radians(LONGITUDE_DEG)),
+             math.cos(math.radians(LONGITUDE_DEG)))
+    # Heading is clockwise, the quaternion's turn about up anticlockwise; its length does not matter.
+    q = 3 * math.cos(HEADING / 2), 0.0, 0.0, -3 * math.sin(HEADING / 2)
+    names = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_sin_lat", "in_cos_lat",
+             "in_sin_lon", "in_cos_lon", "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2",
+             "in_q3")
+    inputs = dict(zip(names, (*omega, *f, load, align, *place, *velocity, HEIGHT_M, *q), strict=True))
+    return inputs | ({"in_altitude": HEIGHT_M} if config.damping_s else {})
+
+
+def check(driver, velocity=(0.0, 0.0, 0.0)):
+    """Assert that attitude and position are the start's, and so is the velocity, within rounding."""
+    outputs = driver.outputs()
+    for name, expected in (("pitch", 0.0), ("roll", 0.0), ("heading", HEADING_DEG), ("latitude", LATITUDE_DEG),
+                           ("longitude", LONGITUDE_DEG), ("wander", 0.0)):
+        assert abs(outputs[f"out_{name}"] - expected) <= DEGREE, (name, outputs)
+    assert abs(outputs["out_height"] - HEIGHT_M) <= 1e-9
+    for name, expected in zip(("east", "north", "up"), velocity, strict=True):
+        assert abs(outputs[f"out_v{name}"] - expected) <= 1e-12 * (1 + abs(expected)), (name, outputs)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def waits_for_a_load(dut):
+    """After a reset it neither aligns nor navigates, and all outputs are zero, whatever the sensors measure."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    await driver.update(sample((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), velocity=(5.0, 6.0, 7.0)))
+    assert driver.status() == set()
+    assert set(driver.outputs().values()) == {0.0}
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def start_values_and_rest(dut):
+    """A load gives the start values at once; a body that rests in them stays."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    velocity = 70.0, -20.0, 3.0
+    await driver.update(sample(velocity=velocity, load=1.0))
+    assert driver.status() == {"navigating"}
+    check(driver, velocity)
+    await driver.update(sample(load=1.0))
+    for _ in range(2):
+        check(driver)
+        await driver.update(sample())
+        assert driver.status() == {"navigating"}
+    check(driver)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def aligns_at_rest(dut):
+    """So many samples of earth rate and gravity give the attitude; the start quaternion does not count."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    for k in range(config.alignment_samples):
+        assert driver.status() == ({"aligning"} if k else set())
+        first = sample(load=1.0, align=1.0) | {"in_q0": 0.6, "in_q1": 0.8}
+        await driver.update(sample() if k else first)
+    assert driver.status() == {"navigating"}
+    check(driver)
+    await driver.update(sample())
+    check(driver)
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def range_is_told(dut):
+    """A rate or a force beyond the range sets its bit, and the update is made."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    await driver.update(sample(load=1.0))
+    rate, force = math.radians(config.rate_max_deg_s), config.force_max_m_s2
+    for inputs, expected in ((sample((0.0, 0.999 * rate, 0.0), (0.999 * force, 0.0, 0.0)), set()),
+                             (sample((0.0, 1.001 * rate, 0.0)), {"out_of_range"}),
+                             (sample(f=(1.001 * force, 0.0, 0.0)), {"out_of_range"})):
+        before = driver.bits()
+        await driver.update(inputs)
+        assert driver.status() == {"navigating"} | expected
+        assert driver.bits() != before

@@ -1,0 +1,227 @@
+"""A Verilated module as a function on NumPy arrays: rows of stimulus in, rows of answers out."""
+
+import fcntl
+import hashlib
+import os
+import shutil
+import subprocess
+import threading
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from .toolchain import compile_flags, run_tool, verilator_environment, verilator_root, verilator_runtime
+
+__all__ = ["Interface", "VerilatedModel"]
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Ports of a module, as far as a driver needs them.
+
+    Parameters
+    ----------
+    top : str
+        Name of the module.
+    inputs, outputs : tuple of str
+        Data ports, each at most 64 bits wide, clock, reset, start and finish not among them.
+    start, finish : str or None
+        Handshake of a transaction, if the module has one.
+    ready : str or None
+        Output that is high when a start is taken, of a module that does not take every one.
+    clock, reset : str
+        Names of these ports; an empty ``reset`` means none.
+    reset_active : int
+        Level of ``reset`` that resets.
+    probes : dict
+        Inner signals to read after a transaction: name to (module, variable, C++ expression
+        under the Verilated root).
+    """
+
+    top: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    start: str | None = None
+    finish: str | None = None
+    ready: str | None = None
+    clock: str = "clk"
+    reset: str = "rst_n"
+    reset_active: int = 0
+    probes: dict[str, tuple[str, str, str]] = field(default_factory=dict)
+
+    def header(self):
+        """The C++ header that tells the driver these ports."""
+        lines = [f'#include "V{self.top}.h"', f'#include "V{self.top}___024root.h"',
+                 f"#define MODEL_TYPE V{self.top}", f"#define CLOCK {self.clock}"]
+        if self.reset:
+            lines += [f"#define RESET {self.reset}", f"#define RESET_ACTIVE {self.reset_active}"]
+        if self.start:
+            lines += [f"#define START {self.start}", f"#define FINISH {self.finish}"]
+        if self.ready:
+            lines.append(f"#define READY {self.ready}")
+        for kind, names in (("INPUT", self.inputs), ("OUTPUT", self.outputs),
+                            ("PROBE", [expression for _, _, expression in self.probes.values()])):
+            lines += [f"#define {kind}_COUNT {len(names)}",
+                      f"#define {kind}S " + " ".join(f"{kind}({name})" for name in names)]
+        return "\n".join(lines) + "\n"
+
+
+class VerilatedModel:
+    """A module translated by Verilator, compiled, and run as a child process.
+
+    Parameters
+    ----------
+    verilog : Path
+        Verilog file with the module ``interface.top``.
+    interface : Interface
+        Its ports.
+    build : Path
+        Folder for everything that is made; a model whose Verilog and interface did not change
+        is not built again.
+
+    Raises: SimulatorMissingError without Verilator or g++; RuntimeError if they fail.
+    """
+
+    DRIVER = files(__package__) / "verilated.cpp"
+    # More flags of g++.
+    FLAGS: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, verilog, interface, build):
+        self.interface = interface
+        build = Path(build).resolve()
+        driver = self.DRIVER.read_text()
+        key = hashlib.sha256("\0".join((
+            Path(verilog).read_text(encoding="utf-8"), interface.header(), repr(interface.probes), driver, *self.FLAGS,
+            str(verilator_root()))).encode()).hexdigest()[:16]
+        directory = build / f"{interface.top}-{key}"
+        self._executable = directory / "model"
+        build.mkdir(parents=True, exist_ok=True)
+        # Another process may want the same model: one builds, the other waits for it.
+        with directory.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not self._executable.exists():
+                self._build(Path(verilog).resolve(), directory, driver, *verilator_runtime(build / "runtime"))
+
+    def _build(self, verilog, directory, driver, objects, header):
+        # Built beside and renamed, so that a build that was cut off leaves no half model.
+        partial = directory.with_suffix(".partial")
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir(parents=True)
+        (partial / "ports.h").write_text(self.interface.header())
+        (partial / "main.cpp").write_text(driver)
+        (partial / "probes.vlt").write_text("`verilator_config\n" + "".join(sorted({
+            f'public_flat_rd -module "{module}" -var "{variable}"\n'
+            for module, variable, _ in self.interface.probes.values()})))
+        root = verilator_root()
+        run_tool([root / "bin" / "verilator", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
+                  "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
+                  verilog],
+                 environment=verilator_environment())
+        # One translation unit: the headers of Verilator are longer than what it makes of a core. What it calls slow
+        # runs once, and would take g++ longest.
+        names = sorted(path.name for path in partial.glob("*.cpp"))
+        slow = [name for name in names if name.endswith("Slow.cpp")]
+        fast = [name for name in names if name not in slow]
+        (partial / "all.cc").write_text("\n".join(
+            [*(f'#include "{name}"' for name in fast), '#pragma GCC optimize("O0")',
+             *(f'#include "{name}"' for name in slow), ""]))
+        run_tool(["g++", *compile_flags(), *self.FLAGS, f"-I{partial}", "-include", header, partial / "all.cc",
+                  *objects, "-o", partial / "model"])
+        shutil.rmtree(directory, ignore_errors=True)
+        partial.rename(directory)
+
+    def stream(self, stimulus, *, progress=None):
+        """One row a clock cycle.
+
+        Parameters
+        ----------
+        stimulus : dict
+            Input port to integer array, shape (N,); inputs left out are zero.
+        progress : callable or None
+            Called with the number of rows done, now and then.
+
+        Returns
+        -------
+        dict
+            Output port to uint64 array, shape (N,): its value in that cycle, before the edge.
+        """
+        return self._run(["stream"], stimulus, self.interface.outputs, progress)
+
+    def transact(self, stimulus, *, limit=10_000, progress=None):
+        """One row a transaction: start for one cycle, wait for finish, at most ``limit`` cycles.
+
+        Inputs are inverted right after the edge that takes them. The answer has a key per output
+        and per probe, and ``cycles``: clock edges after the taking one until finish is high.
+        Raises: RuntimeError if finish did not rise within ``limit``.
+        """
+        names = (*self.interface.outputs, *self.interface.probes, "cycles")
+        answer = self._run(["transact", str(limit)], stimulus, names, progress)
+        late = np.flatnonzero(answer["cycles"] == 0)
+        if late.size:
+            raise RuntimeError(f"{self.interface.top}: no {self.interface.finish} within {limit} cycles "
+                               f"in transaction {late[0]}")
+        return answer
+
+    def offer(self, stimulus, idle, *, limit=10_000, progress=None):
+        """One row a sample, offered until it is taken, while others are under way.
+
+        Parameters
+        ----------
+        stimulus : dict
+            Input port to integer array, shape (N,).
+        idle : ndarray
+            Cycles without an offer before each sample, or -1: no sample, but a reset.
+        limit : int
+            Most cycles without a sample taken or finished.
+
+        Returns
+        -------
+        dict
+            A row a finish, in order: outputs, probes, the ``row`` of the sample, and the numbers of the clock
+            edges that had it ``taken`` and ``finished``. Inputs are inverted while nothing is offered.
+            Raises: RuntimeError beyond ``limit``.
+        """
+        names = (*self.interface.outputs, *self.interface.probes, "row", "taken", "finished")
+        return self._run(["offer", str(limit)], stimulus, names, progress, before=np.asarray(idle, dtype=np.int64))
+
+    def _run(self, arguments, stimulus, names, progress, *, before=None):
+        unknown = set(stimulus) - set(self.interface.inputs)
+        if unknown:
+            raise ValueError(f"{self.interface.top} has no input {', '.join(sorted(unknown))}")
+        count = len(next(iter(stimulus.values())))
+        rows = np.zeros((count, len(self.interface.inputs)), dtype="<u8")
+        for column, name in enumerate(self.interface.inputs):
+            if name in stimulus:
+                rows[:, column] = stimulus[name]
+        if before is not None:
+            rows = np.column_stack([before.view("<u8"), rows])
+        view = bytearray(count * len(names) * 8)
+        with subprocess.Popen([self._executable, *arguments], stdin=subprocess.PIPE,
+                              stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            feeder = threading.Thread(target=_feed, args=(process.stdin, rows))
+            feeder.start()
+            received = 0
+            while received < len(view):
+                chunk = os.read(process.stdout.fileno(), 1 << 16)
+                if not chunk:
+                    break
+                view[received:received + len(chunk)] = chunk
+                received += len(chunk)
+                if progress:
+                    progress(received // (8 * len(names)))
+            feeder.join()
+        # After a reset some samples have no answer.
+        complete = received == len(view) or (before is not None and received % (8 * len(names)) == 0)
+        if process.returncode or not complete:
+            raise RuntimeError(f"the model of {self.interface.top} ended early, status {process.returncode}")
+        answer = np.frombuffer(view[:received], dtype="<u8").reshape(-1, len(names))
+        return {name: answer[:, column] for column, name in enumerate(names)}
+
+
+def _feed(pipe, rows):
+    with pipe:
+        pipe.write(rows.tobytes())

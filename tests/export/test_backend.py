@@ -1,0 +1,40 @@
+"""The Verilog is that of Amaranth's own Yosys, whatever is on PATH."""
+
+import os
+import subprocess
+import sys
+
+from amaranth._toolchain.yosys import find_yosys
+
+from strapdown.export.tidy import tidy
+
+FAKE = """\
+#!/bin/sh
+if [ "$1" = -V ]; then echo "Yosys 0.99 (git sha1 0000000)"; else echo "module INS_matx(); reg signed [33:0] x;"; fi
+"""
+
+
+def test_a_newer_yosys_on_path_changes_nothing(tmp_path, monkeypatch):
+    fake = tmp_path / "bin" / "yosys"
+    fake.parent.mkdir()
+    fake.write_text(FAKE, encoding="utf-8")
+    fake.chmod(0o755)
+    path = os.environ["PATH"]
+    written = {}
+    for name, search in ("with", f"{fake.parent}{os.pathsep}{path}"), ("without", path):
+        subprocess.run([sys.executable, "-m", "strapdown", "generate", "--module", "INS_matx",
+                        "--output", tmp_path / name], env=os.environ | {"PATH": search}, check=True,
+                       capture_output=True)
+        written[name] = [(tmp_path / name / f"INS_matx.{suffix}").read_bytes() for suffix in ("v", "json")]
+    assert written["with"] == written["without"]
+    # Left to itself, Amaranth takes the one on PATH.
+    monkeypatch.setenv("PATH", search := f"{fake.parent}{os.pathsep}{path}")
+    monkeypatch.delenv("AMARANTH_USE_YOSYS", raising=False)
+    assert find_yosys(lambda version: True).version() == (0, 99, 0), search
+
+
+def test_the_keyword_signed_stays():
+    text = "module top(a);\n  input [3:0] a;\n  reg signed [3:0] \\b.c ;\n  reg \\signed ;\nendmodule\n"
+    tidied = tidy(text)
+    assert "reg signed [3:0] b_c;" in tidied
+    assert "reg signed_2;" in tidied

@@ -1,0 +1,9 @@
+"""The generated parts of docs/proof.md are those of the code; `make docs` writes them."""
+
+from strapdown_lab.checkout import replaced
+from strapdown_lab.proof.__main__ import blocks
+
+
+def test_document_is_up_to_date(root):
+    page = (root / "docs" / "proof.md").read_text()
+    assert replaced(page, blocks()) == page

@@ -1,0 +1,81 @@
+# amaranth: UnusedElaboratable=no
+"""Proofs: a sample of the properties holds, and faults in the circuits are found."""
+
+import pytest
+
+from strapdown.cores import operators
+from strapdown.fp import FloatFormat, FpMinMax, FpSquareRoot, FpToFp, Rounding
+from strapdown_lab.proof import formal
+from strapdown_lab.proof.arithmetic import FloatResult
+from strapdown_lab.proof.handshake import IterativeHandshake, PipelineAlignment, VendorHold
+from strapdown_lab.proof.solver import Property, prove, solver_missing
+
+SMALL = FloatFormat(3, 2)
+
+pytestmark = [pytest.mark.formal, pytest.mark.skipif(bool(solver_missing()), reason=solver_missing())]
+
+
+@pytest.mark.parametrize("pattern", [
+    r"^FpMinMax, \(4, 3\) flush: ",
+    r"^FpSquareRoot, \(2, 1\) gradual, bits_per_cycle 2, iterative",
+    r"^vendor less: ",
+])
+def test_properties_hold(pattern, tmp_path):
+    props = formal.chosen(pattern)
+    assert props
+    for prop, outcome in zip(props, formal.run(props, tmp_path), strict=True):
+        assert outcome.passed, f"{prop.subject}: {prop.claim}\n{outcome.report}"
+    assert (tmp_path / "outcomes.json").exists()
+
+
+def assert_refuted(prop, folder):
+    outcome = prove(prop, folder)
+    assert not outcome.proved
+    assert "Assert failed" in outcome.report
+    assert (folder / "counterexample.vcd").exists()
+
+
+class LateMinMax(FpMinMax):
+    """Says that it takes a cycle more than it does."""
+
+    @property
+    def latency(self):
+        return super().latency + 1
+
+
+class PatientSquareRoot(FpSquareRoot):
+    """Says that it takes operations more seldom than it does."""
+
+    @property
+    def interval(self):
+        return super().interval + 1
+
+
+def test_result_of_another_operation_is_found(tmp_path):
+    assert_refuted(Property("late", "", PipelineAlignment(lambda: LateMinMax(SMALL)), 2, ("one", "other")), tmp_path)
+
+
+def test_start_that_is_not_ignored_is_found(tmp_path):
+    circuit = IterativeHandshake(lambda: PatientSquareRoot(FloatFormat(2, 1), iterative=True))
+    assert_refuted(Property("patient", "", circuit, 12), tmp_path)
+
+
+def test_wrong_rounding_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(Rounding, "increments", lambda self, sign, odd, guard, sticky: guard & sticky)
+    resize = FpToFp(FloatFormat(4, 3), SMALL)
+    assert_refuted(Property("truncating", "", FloatResult(resize), resize.latency), tmp_path)
+
+
+def test_register_that_does_not_hold_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(operators, "EnableInserter", lambda enable: lambda inner: inner)
+    circuit = VendorHold(lambda: operators.VendorOperator("less"))
+    assert_refuted(Property("free-running", "", circuit, 1, ("vendor",), VendorHold.UNCHANGED), tmp_path)
+
+
+def test_idle_property_does_not_pass(tmp_path):
+    """Where nothing is put to the test, nothing is proved."""
+    # One edge too few for a result.
+    prop = Property("idle", "", PipelineAlignment(lambda: FpMinMax(SMALL)), 0, ("one", "other"))
+    outcome = prove(prop, tmp_path)
+    assert outcome.proved
+    assert (outcome.passed, outcome.word) == (False, "idle")

