@@ -48,6 +48,16 @@ class Node:
         return self.operation not in ("input", "state", "constant")
 
     @property
+    def condition(self):
+        """The operand whose sign decides, an Operand; None if the operation has no condition."""
+        return self.operands[-1] if self.operation == "select" else None
+
+    @property
+    def arguments(self):
+        """The operands that are numbers: all but the condition."""
+        return self.operands[:-1] if self.operation == "select" else self.operands
+
+    @property
     def spreads(self):
         """Whether an operand that is infinite or NaN always gives a result that is infinite or NaN."""
         return self.operation in ("add", "multiply")
