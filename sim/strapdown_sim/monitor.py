@@ -1,4 +1,4 @@
-"""What comes over the serial link: frames found, checked, counted, written as CSV and drawn."""
+"""What comes over the serial link, written as CSV and drawn."""
 
 import csv
 import errno
@@ -6,16 +6,14 @@ import os
 import select
 from collections import deque
 from contextlib import closing
-from dataclasses import dataclass
 from itertools import chain
 
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from strapdown.link import FRAME_TYPES, NAVIGATION, SYNC, crc, frame_size, place
+from strapdown.link import NAVIGATION, Frame, FrameDecoder
 
-__all__ = ["Curves", "Frame", "FrameDecoder", "MonitorError", "monitor", "read_port"]
+__all__ = ["Curves", "MonitorError", "monitor", "read_port"]
 
 CHUNK = 1 << 16
 PATIENCE_S = 0.1
@@ -31,117 +29,6 @@ HEADER = ("Frame", "Status", *(f"{quantity.meaning.split(',')[0].capitalize()} (
 
 class MonitorError(ValueError):
     """A port or file that cannot be read; one line."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A frame that arrived whole.
-
-    Attributes
-    ----------
-    number : int
-        Updates since the first frame that was seen, the counter's overflows undone.
-    status : int
-        Status bits of the core.
-    values : ndarray, shape (9,)
-        The quantities of NAVIGATION, float32 or float64 as they were sent.
-    """
-
-    number: int
-    status: int
-    values: np.ndarray
-
-
-class FrameDecoder:
-    """Frames from a stream of bytes, with or without garbage.
-
-    Attributes
-    ----------
-    frames, crc_errors : int
-        Frames that arrived whole, and what looked like one but failed its CRC.
-    lost : int
-        Updates missing between those that arrived, by their counters.
-    restarts : int
-        Times that the counter stood still or went back, by up to 32,768: the core was reset.
-    skipped_bytes : int
-        Bytes that belong to no whole frame.
-    """
-
-    def __init__(self):
-        self.frames = self.crc_errors = self.lost = self.restarts = self.skipped_bytes = 0
-        self._pending = bytearray()
-        self._counter = None
-        self._number = 0
-
-    @property
-    def pending_bytes(self):
-        """Bytes that may still become a frame."""
-        return len(self._pending)
-
-    def feed(self, data):
-        """Take bytes, as many as there are; returns the Frames that they complete."""
-        self._pending += data
-        found, start = [], 0
-        while (size := self._candidate(start)) is not None:
-            if size and (frame := self._decode(start, size)):
-                found.append(frame)
-                start += size
-            else:
-                # Within what was no frame, a frame may begin.
-                begin = self._pending.find(SYNC[:1], start + 1)
-                begin = len(self._pending) if begin < 0 else begin
-                self.skipped_bytes += begin - start
-                start = begin
-        del self._pending[:start]
-        return found
-
-    def finish(self):
-        """The stream has ended: returns the Frames in what looked like the beginning of a longer one."""
-        found = []
-        while self._pending:
-            del self._pending[0]
-            self.skipped_bytes += 1
-            found += self.feed(b"")
-        return found
-
-    def _candidate(self, start):
-        """Size of the frame that may begin at ``start``; 0 if none does, None if more bytes must tell."""
-        head = self._pending[start:start + place("type").stop]
-        if not head:
-            return None
-        if not SYNC.startswith(head[:len(SYNC)]):
-            return 0
-        if len(head) < place("type").stop:
-            return None
-        kind = FRAME_TYPES.get(head[place("type").start])
-        length = head[place("length").start]
-        if kind is None or length not in kind.payload_sizes:
-            return 0
-        size = frame_size(length)
-        return size if len(self._pending) >= start + size else None
-
-    def _decode(self, start, size):
-        """The frame at ``start``, or None if its CRC is wrong."""
-        frame = bytes(self._pending[start:start + size])
-        length = frame[place("length")][0]
-        check = place("crc", length)
-        if crc(frame[place("sync").stop:check.start]) != int.from_bytes(frame[check], "big"):
-            self.crc_errors += 1
-            return None
-        counter = int.from_bytes(frame[place("counter")], "little")
-        if self._counter is not None:
-            step = (counter - self._counter) & 0xFFFF
-            if 1 <= step < 0x8000:
-                self.lost += step - 1
-                self._number += step
-            else:
-                self.restarts += 1
-                self._number += 1
-        self._counter = counter
-        self.frames += 1
-        number_size = FRAME_TYPES[frame[place("type").start]].payload_sizes[length]
-        values = np.frombuffer(frame[place("payload", length)], dtype=f"<f{number_size}")
-        return Frame(self._number, frame[place("status").start], values)
 
 
 def read_port(port, baud_rate=None):

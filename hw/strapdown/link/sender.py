@@ -7,7 +7,7 @@ from amaranth.lib import wiring
 from amaranth.lib.crc.catalog import CRC16_IBM_3740
 from amaranth.lib.wiring import In, Out
 
-from .frame import LAYOUT, MAX_PAYLOAD, SYNC, frame_size, place
+from .frame import LAYOUT, MAX_PAYLOAD, SYNC, crc, frame_size, place
 from .uart import BITS_PER_BYTE, UartTransmitter
 
 __all__ = ["FrameSender"]
@@ -68,10 +68,20 @@ class FrameSender(wiring.Component):
         """Cycles from one send to the first that can follow."""
         return self.size * BITS_PER_BYTE * self.divisor + 1
 
+    def compute(self, counter, status, payload):
+        """Software twin: the bytes of a frame, from the number of the send since reset, the status and the payload.
+
+        Raises: ValueError if the payload has another size.
+        """
+        if len(payload) != self._payload_size:
+            raise ValueError(f"payload must have {self._payload_size} bytes, not {len(payload)}")
+        checked = bytes((self._payload_size, self._kind, *(counter & 0xFFFF).to_bytes(2, "little"), status)) + payload
+        return SYNC + checked + crc(checked).to_bytes(2, "big")
+
     def elaborate(self, platform):
         m = Module()
         m.submodules.uart = uart = self._uart
-        m.submodules.crc = crc = CRC16_IBM_3740(data_width=8).create()
+        m.submodules.crc = check = CRC16_IBM_3740(data_width=8).create()
 
         counter = Signal(8 * _width("counter"))
         values = {"sync": C(int.from_bytes(SYNC, "little"), 8 * len(SYNC)),
@@ -86,9 +96,9 @@ class FrameSender(wiring.Component):
         take = Signal()
         m.d.comb += [take.eq(self.send & ~self.busy), self.busy.eq((left != 0) | ~uart.ready), self.tx.eq(uart.tx),
                      uart.valid.eq(left != 0),
-                     uart.data.eq(Mux(left > 2, waiting[:8], Mux(left == 2, crc.crc[8:], crc.crc[:8])))]
+                     uart.data.eq(Mux(left > 2, waiting[:8], Mux(left == 2, check.crc[8:], check.crc[:8])))]
         in_crc = (left <= self.size - _width("sync")) & (left > _width("crc"))
-        m.d.comb += [crc.start.eq(take), crc.data.eq(uart.data), crc.valid.eq(uart.valid & uart.ready & in_crc)]
+        m.d.comb += [check.start.eq(take), check.data.eq(uart.data), check.valid.eq(uart.valid & uart.ready & in_crc)]
 
         with m.If(uart.valid & uart.ready):
             m.d.sync += [left.eq(left - 1), waiting.eq(waiting >> 8)]
