@@ -21,7 +21,8 @@ def test_runs_as_a_module():
     assert done.stdout == f"strapdown, version {__version__}\n"
 
 
-@pytest.mark.parametrize("command", ["", "list", "generate", "replay", "explain"])
+@pytest.mark.parametrize("command", [
+    "", "list", "generate", "operators", "link", "replay", "monitor", "design", "schedule", "explain"])
 def test_help(command):
     result = run(*filter(None, [command, "--help"]))
     assert result.exit_code == 0
@@ -47,6 +48,16 @@ def test_generate_writes_verilog_and_json(tmp_path):
                                      "not '-1'"),
     (["generate", "--set", "kp"], "strapdown: --set takes FIELD=VALUE, as in --set kp=1, not 'kp'"),
     (["generate", "--set", "name=x"], "strapdown: the fields name and pool cannot be changed by --set"),
+    (["generate", "--config", "thesiss"], "strapdown: no configuration is called 'thesiss': choose from thesis, "),
+    (["generate", "INS_topp"], "strapdown: no module or configuration is called 'INS_topp': 'strapdown list' shows"),
+    (["generate", "mahony", "--config", "thesis"], "strapdown: mahony names a configuration already: leave --config"),
+    (["generate", "INS_acc", "--module", "INS_top"], "strapdown: INS_acc is no configuration: choose from thesis, "),
+    (["generate", "--module", "INS_acc", "--module", "SINS_top"],
+     "strapdown: no configuration has all of INS_acc, SINS_top: name one with --config"),
+    (["generate", "--config", "flight", "--module", "INS_top"],
+     "strapdown: configuration flight has INS_flight, not INS_top"),
+    (["generate", "absent.py:CORE"], "strapdown: there is no file absent.py"),
+    (["schedule", "INS_atan", "--output", "schedule.gif"], "strapdown: --output takes a .png or .svg file, not "),
     (["explain", "INS_acc", "--cycle", "9999"], "strapdown: INS_acc has cycles 0 to "),
     (["explain", "INS_acc", "--line", "attitude"], "strapdown: --line takes FILE:LINE, as in --line attitude.py:47, "
                                                    "not 'attitude'"),
@@ -57,6 +68,48 @@ def test_user_errors_are_one_line_and_status_2(arguments, message):
     assert result.exit_code == 2
     assert result.stderr.startswith(message)
     assert result.stderr.count("\n") == 1
+
+
+def test_a_module_needs_no_configuration_if_its_name_tells(tmp_path):
+    for arguments, name, module in (
+            (["INS_atan"], "thesis", "INS_atan"), (["QUAT_direct"], "quaternion_j2", "QUAT_direct"),
+            (["--module", "QUAT_direct"], "quaternion_j2", "QUAT_direct"),
+            (["quaternion_j3"], "quaternion_j3", "QUAT_direct")):
+        result = run("generate", *arguments, "--output", tmp_path / name)
+        assert result.exit_code == 0, result.output
+        assert json.loads((tmp_path / name / f"{module}.json").read_text())["configuration"]["name"] == name
+
+
+OWN = """\
+from strapdown.config import MAHONY
+SLOW = MAHONY.replace(name="slow", sample_rate_hz=10)
+NUMBER = 5
+"""
+
+
+def test_a_configuration_in_a_file_of_ones_own(tmp_path):
+    file = tmp_path / "my_core.py"
+    file.write_text(OWN)
+    result = run("generate", f"{file}:SLOW", "--set", "kp=2", "--module", "INS_atan", "--output", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    facts = json.loads((tmp_path / "out" / "INS_atan.json").read_text())
+    assert (facts["configuration"]["sample_rate_hz"], facts["configuration"]["kp"]) == (10, 2)
+    # The command tells the file, but not where it lies on this machine.
+    assert facts["command_line"] == "strapdown generate --config my_core.py:SLOW --set kp=2 --module INS_atan"
+
+
+@pytest.mark.parametrize(("name", "content", "message"), [
+    ("my_core.py", OWN, "my_core.py has no configuration 'NUMBER': docs/kernels.md shows how to write one"),
+    ("my_core.py", "import nothing_of_that_name\n",
+     "my_core.py cannot be imported: ModuleNotFoundError: No module named 'nothing_of_that_name'"),
+    ("my-core.py", OWN, "my-core.py must have a name that Python can import: letters, digits and underscores"),
+])
+def test_a_file_that_has_no_configuration(tmp_path, name, content, message):
+    file = tmp_path / name
+    file.write_text(content)
+    result = run("generate", f"{file}:NUMBER")
+    assert result.exit_code == 2
+    assert result.stderr == f"strapdown: {tmp_path}/{message}\n"
 
 
 def test_output_that_cannot_be_written_is_a_user_error(tmp_path):

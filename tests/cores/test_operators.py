@@ -122,9 +122,9 @@ def cli(*arguments):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The ten files, as `strapdown generate --operators` writes them."""
+    """The ten files, as `strapdown operators` writes them."""
     folder = tmp_path_factory.mktemp("operators")
-    result = cli("generate", "--operators", folder)
+    result = cli("operators", folder)
     assert result.exit_code == 0, result.output
     return folder
 
@@ -136,9 +136,9 @@ def bank(request, folder, tmp_path_factory, models):
     if request.param != "default":
         folder = tmp_path_factory.mktemp(request.param)
         options = [option for name, latency in latencies.items() for option in ("--latency", f"{name}={latency}")]
-        assert cli("generate", "--operators", folder, *options).exit_code == 0
+        assert cli("operators", folder, *options).exit_code == 0
         command = json.loads((folder / "add.json").read_text())["command_line"]
-        assert command == f"strapdown generate --operators DIR --latency add={latencies['add']}"
+        assert command == f"strapdown operators DIRECTORY --latency add={latencies['add']}"
     source = folder / "user_and_operators.sv"
     source.write_text(USER_RTL + "".join((folder / f"{name}.v").read_text() for name in VENDOR_OPERATORS))
     interface = Interface(
@@ -247,7 +247,7 @@ def test_folder_holds_ten_files_with_descriptions(folder):
         assert text["latency_cycles"] == LATENCIES["default"][name]
         assert {port["name"]: (port["direction"], port["width"]) for port in text["ports"]} == ports
         assert all(port["meaning"] for port in text["ports"])
-        assert text["command_line"] == "strapdown generate --operators DIR"
+        assert text["command_line"] == "strapdown operators DIRECTORY"
         header = (folder / f"{name}.v").read_text().split("\nmodule ")[0]
         assert header.isascii()
         assert f"result {text['latency_cycles']} edges" in re.sub(r"\n//\s+", " ", header)
@@ -259,7 +259,7 @@ def test_two_runs_give_equal_bytes(folder, tmp_path):
     script = ("import sys; from pathlib import Path; from strapdown.export import write_operator;"
               "from strapdown.cores.operators import VendorOperator\n"
               "for name in sys.argv[2:]: write_operator(VendorOperator(name), Path(sys.argv[1]), "
-              "'strapdown generate --operators DIR')")
+              "'strapdown operators DIRECTORY')")
     subprocess.run([sys.executable, "-c", script, str(tmp_path), *names], check=True,
                    env=os.environ | {"PYTHONHASHSEED": "42"})
     for name in names:
@@ -371,25 +371,16 @@ def test_user_rtl_with_all_ten_operators_in_icarus(folder, tmp_path):
     (["--latency", "power=3"], "operator must be one of add, sub, mult, div, sqrt, equl, less, fl32tofi16, fi16tofl32, "
                                "atan, not 'power'"),
     (["--latency", "add=fast"], "--latency takes OPERATOR=N, as in --latency add=8, not 'add=fast'"),
-    (["--module", "INS_top"], "--module does not go with --operators, which depend on --latency alone"),
-    (["--set", "kp=1"], "--set does not go with --operators, which depend on --latency alone"),
 ])
 def test_user_errors_are_one_line_and_status_2(tmp_path, arguments, message):
-    result = cli("generate", "--operators", tmp_path / "out", *arguments)
+    result = cli("operators", tmp_path / "out", *arguments)
     assert result.exit_code == 2
     assert result.stderr == f"strapdown: {message}\n"
     assert not (tmp_path / "out").exists()
 
 
-def test_latency_needs_operators():
-    result = cli("generate", "--latency", "add=3")
-    assert result.exit_code == 2
-    assert result.stderr == ("strapdown: --latency needs --operators DIR; the modules' operators belong to the "
-                             "configuration\n")
-
-
 def test_folder_that_cannot_be_written_is_a_user_error(tmp_path):
     (tmp_path / "file").touch()
-    result = cli("generate", "--operators", tmp_path / "file" / "folder")
+    result = cli("operators", tmp_path / "file" / "folder")
     assert result.exit_code == 2
     assert result.stderr.startswith("strapdown: cannot write to")

@@ -1,0 +1,20 @@
+"""The command ``strapdown list``."""
+
+import click
+
+from strapdown.config import CONFIGS
+from strapdown.cores import MODULES, modules_of, system_of
+
+__all__ = ["list_configurations"]
+
+
+@click.command("list")
+def list_configurations():
+    """List configurations and modules."""
+    click.echo("Configurations (--config NAME):")
+    for config in CONFIGS.values():
+        click.echo(f"  {config.name:<16}{config.description}")
+    click.echo("\nModules (--module NAME), each with the first configuration that has it:")
+    for name in MODULES:
+        config = next(config for config in CONFIGS.values() if name in modules_of(config))
+        click.echo(f"  {name:<12}{config.name:<16}{system_of(name, config).title}")

@@ -1,0 +1,161 @@
+"""What commands share: mistakes told in one line, and how a configuration and a module are named."""
+
+import importlib.util
+import re
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from strapdown.config import CONFIGS, Config, ConfigError
+from strapdown.cores import main_module, make_core, modules_of
+
+__all__ = ["UserError", "changed", "config_options", "core_of", "named_configuration", "target_of", "writing"]
+
+DEFAULT = "thesis"
+
+
+class UserError(click.ClickException):
+    """A mistake of the user's: one line, exit status 2."""
+
+    exit_code = 2
+
+    def show(self, file=None):
+        click.echo(f"strapdown: {self.format_message()}", err=True)
+
+
+@contextmanager
+def writing(path):
+    """Context manager: a file that cannot be written ends in a UserError that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        raise UserError(f"cannot write to {path}: {error.strerror}") from None
+
+
+def config_options(function):
+    """The options ``--config`` and ``--set``: arguments ``config_name`` and ``changes`` of the command."""
+    function = click.option(
+        "--set", "changes", metavar="FIELD=VALUE", multiple=True,
+        help="Change a field of the configuration, as in --set kp=1. May be repeated.")(function)
+    return click.option(
+        "--config", "config_name", metavar="NAME|FILE.py:NAME", default=None,
+        help="A configuration of 'strapdown list', or one in a Python file of your own.  "
+             "[default: the first that has the module, else thesis]")(function)
+
+
+def named_configuration(name):
+    """The configuration called ``name``, or ``FILE.py:NAME`` for one in a Python file. Raises: UserError."""
+    file, separator, variable = name.rpartition(":")
+    if separator and file.endswith(".py"):
+        found = getattr(_module_of(Path(file)), variable, None)
+        if not isinstance(found, Config):
+            raise UserError(f"{file} has no configuration {variable!r}: docs/kernels.md shows how to write one")
+        return found
+    if name not in CONFIGS:
+        raise UserError(f"no configuration is called {name!r}: choose from {', '.join(CONFIGS)}, or name one in a "
+                        "Python file as FILE.py:NAME")
+    return CONFIGS[name]
+
+
+def _module_of(path):
+    """A Python file as a module. Raises: UserError if there is none, or if it cannot be imported."""
+    if not path.is_file():
+        raise UserError(f"there is no file {path}")
+    if not path.stem.isidentifier():
+        raise UserError(f"{path} must have a name that Python can import: letters, digits and underscores")
+    name = f"own_{path.stem}"  # not the name of any other module
+    spec = importlib.util.spec_from_file_location(name, path.resolve())
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # Where inspect and pydantic look for the module of a class.
+    sys.modules[name] = module
+    # A file may import its neighbours, as a script may.
+    sys.path.insert(0, str(path.resolve().parent))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise UserError(f"{path} cannot be imported: {type(error).__name__}: {error}") from None
+    finally:
+        sys.path.pop(0)
+    return module
+
+
+def changed(config, changes):
+    """The configuration with the ``FIELD=VALUE`` of ``--set`` applied. Raises: UserError."""
+    fields = {}
+    for change in changes:
+        field, separator, value = change.partition("=")
+        if not separator:
+            raise UserError(f"--set takes FIELD=VALUE, as in --set kp=1, not {change!r}")
+        fields[field.strip()] = value.strip()
+    if "name" in fields or "pool" in fields:
+        raise UserError("the fields name and pool cannot be changed by --set")
+    try:
+        return config.replace(**fields)
+    except ConfigError as error:
+        raise UserError(str(error)) from None
+
+
+def target_of(target, config_name, changes, modules=()):
+    """What a command works on.
+
+    Parameters
+    ----------
+    target : str or None
+        A module, a configuration, or ``FILE.py:NAME``.
+    config_name : str or None
+        Value of ``--config``.
+    changes : tuple of str
+        Values of ``--set``.
+    modules : tuple of str
+        Values of ``--module``.
+
+    Returns
+    -------
+    config : Config
+    modules : tuple of str
+        Modules that were asked for; empty if none was.
+    options : str
+        Options that name the configuration on a command line.
+
+    Raises: UserError.
+    """
+    if target is not None:
+        if re.fullmatch(r".*\.py:\w*", target) or target in CONFIGS:
+            if config_name is not None:
+                raise UserError(f"{target} names a configuration already: leave --config away")
+            config_name = target
+        elif modules:
+            raise UserError(f"{target} is no configuration: choose from {', '.join(CONFIGS)}")
+        else:
+            modules = (target,)
+    if config_name is None:
+        config_name = _first_with(modules)
+    config = changed(named_configuration(config_name), changes)
+    # Files that are written tell how to make them again, but not where on this machine.
+    config_name = Path(config_name).name
+    if missing := [module for module in modules if module not in modules_of(config)]:
+        raise UserError(f"configuration {config.name} has {', '.join(modules_of(config))}, not {missing[0]}")
+    return config, tuple(modules), " ".join([f"--config {config_name}", *(f"--set {change}" for change in changes)])
+
+
+def _first_with(modules):
+    """Name of the first configuration that has all modules. Raises: UserError."""
+    for config in (CONFIGS[DEFAULT], *CONFIGS.values()):
+        if set(modules) <= set(modules_of(config)):
+            return config.name
+    known = {module for config in CONFIGS.values() for module in modules_of(config)}
+    if unknown := [module for module in modules if module not in known]:
+        raise UserError(f"no module or configuration is called {unknown[0]!r}: 'strapdown list' shows all")
+    raise UserError(f"no configuration has all of {', '.join(modules)}: name one with --config")
+
+
+def core_of(config, module=None):
+    """The core ``module``, or the main one, of a configuration. Raises: UserError."""
+    try:
+        return make_core(module or main_module(config), config)
+    except ValueError as error:
+        raise UserError(str(error)) from None

@@ -1,0 +1,93 @@
+# amaranth: UnusedElaboratable=no
+# Operators are made, and their options so checked, before the first is written.
+"""The commands that write Verilog: generate, operators, link."""
+
+import re
+from pathlib import Path
+
+import click
+
+from strapdown.config import SINS, SinsConfig
+from strapdown.cores import main_module, modules_of, sins_uart
+from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
+from strapdown.export import write_core, write_link, write_operator
+
+from .common import UserError, changed, config_options, core_of, named_configuration, target_of, writing
+
+__all__ = ["generate", "link", "operators"]
+
+FOLDER = click.Path(file_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("target", metavar="[CONFIG|MODULE|FILE.py:NAME]", required=False)
+@config_options
+@click.option("--module", "modules", multiple=True, metavar="NAME",
+              help="Module to generate; may be repeated.  [default: all of the configuration]")
+@click.option("--output", type=FOLDER, default=None, help="Folder to write to.  [default: build/verilog/CONFIG]")
+def generate(target, config_name, changes, modules, output):
+    """Write <Module>.v and <Module>.json for each module of a configuration.
+
+    The configuration is one of 'strapdown list', or one in a Python file of your own. Each Verilog file is
+    self-contained Verilog-2001. Two runs give equal bytes.
+    """
+    config, modules, options = target_of(target, config_name, changes, modules)
+    directory = output or Path("build/verilog") / config.name
+    for name in modules or modules_of(config):
+        core = core_of(config, name)
+        with writing(directory):
+            path = write_core(core, config, directory, f"strapdown generate {options} --module {name}")
+        click.echo(f"{path}  {core.latency} cycles")
+
+
+@click.command()
+@click.argument("directory", type=FOLDER)
+@click.option("--latency", "latencies", metavar="OPERATOR=N", multiple=True,
+              help="Cycles of one operator, as in --latency add=8. May be repeated.")
+def operators(directory, latencies):
+    """Write the vendor operators of the thesis's RTL (add, sub, mult, ...) to the folder DIRECTORY.
+
+    They have the module names, ports and latencies of the vendor's cores.
+    """
+    chosen = {}
+    for change in latencies:
+        if not (match := re.fullmatch(r"(\w+)=(-?\d+)", change)):
+            raise UserError(f"--latency takes OPERATOR=N, as in --latency add=8, not {change!r}")
+        chosen[match[1]] = int(match[2])
+    try:
+        made = [VendorOperator(name, latency=latency)
+                for name, latency in {**dict.fromkeys(VENDOR_OPERATORS), **chosen}.items()]
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    for vendor in made:
+        name, latency = vendor.kind.name, vendor.latency
+        option = "" if latency == vendor.kind.latency else f" --latency {name}={latency}"
+        with writing(directory):
+            path = write_operator(vendor, directory, f"strapdown operators DIRECTORY{option}")
+        click.echo(f"{path}  {latency} cycles")
+
+
+@click.command()
+@click.argument("directory", type=FOLDER)
+@click.option("--config", "config_name", metavar="NAME|FILE.py:NAME", default=SINS.name, show_default=True,
+              help="A configuration of SINS_top.")
+@click.option("--set", "changes", metavar="FIELD=VALUE", multiple=True,
+              help="Change a field of the configuration. May be repeated.")
+@click.option("--clock-hz", type=click.FloatRange(min=1, max=1e12), default=100e6, show_default=True,
+              help="Frequency of clk.")
+@click.option("--baud", "baud_rate", type=click.IntRange(min=1), default=921_600, show_default=True,
+              help="Bits a second on the serial line.")
+def link(directory, config_name, changes, clock_hz, baud_rate):
+    """Write SINS_uart, which is SINS_top with a serial link, to the folder DIRECTORY."""
+    config = changed(named_configuration(config_name), changes)
+    if not isinstance(config, SinsConfig):
+        raise UserError(f"a link needs a configuration of SINS_top, and {config_name} is of {main_module(config)}")
+    try:
+        linked = sins_uart(config, clock_hz=clock_hz, baud_rate=baud_rate)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+    options = "".join(f" --set {change}" for change in changes)
+    command = f"strapdown link DIRECTORY --config {config_name}{options} --clock-hz {clock_hz:.15g} --baud {baud_rate}"
+    with writing(directory):
+        path = write_link(linked, config, directory, command)
+    click.echo(f"{path}  {linked.core.latency} cycles, frame {1000 * linked.sender.interval / clock_hz:.3g} ms")
