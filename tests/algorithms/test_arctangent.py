@@ -5,9 +5,10 @@ import pytest
 
 from strapdown.algorithms import arctangent
 from strapdown.kernel.numeric import Float64, Twin
+from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
 from strapdown.kernel.pool import Pool
 
-POOL = Pool(arctangents=0)
+POOL = Pool(operators=(Adder(), Multiplier(), Divider(), Selector()))
 
 
 def points(count, rng):
@@ -23,7 +24,7 @@ def test_polynomial_is_as_good_as_it_says():
     y, x = (np.float64(values) for values in points(100_000, np.random.default_rng(1)))
     truth = np.arctan2(y, x)
     # 1.7e-8 of the octant's angle, which the turns only make a smaller part of the whole.
-    np.testing.assert_allclose(arctangent.atan2(Float64, y, x), truth, rtol=1.7e-8, atol=0)
+    np.testing.assert_allclose(arctangent.atan2(Float64(), y, x), truth, rtol=1.7e-8, atol=0)
 
 
 def test_twin_is_within_three_units_in_the_last_place():

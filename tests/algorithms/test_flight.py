@@ -116,7 +116,7 @@ def test_any_period_is_survived(period):
 def test_tilt_is_the_tangent_of_half_the_angle(angle):
     """Up to 120°; beyond, it still turns the right way, and never by more than twice √3."""
     low = (7 * np.sin(np.radians(angle)), 0.0, 7 * np.cos(np.radians(angle)))
-    (x, y), length, square = tilt_correction(Float64, low, FRAMES["NWU"])
+    (x, y), length, square = tilt_correction(Float64(), low, FRAMES["NWU"])
     assert (length, square) == pytest.approx((7, 49))
     if angle <= 120:
         assert (x, y) == pytest.approx((0, -np.tan(np.radians(angle) / 2)), abs=1e-12)
@@ -131,7 +131,7 @@ def test_heading_is_the_tangent_of_half_the_angle(frame, north, angle):
     turn = np.radians(angle)
     x, y = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ north
     tangent, weight, *_, absent = field_correction(
-        Float64, (x, y, 2.0), (1.0, -2.0 if frame == "NED" else 2.0), FRAMES[frame], FLIGHT.parameters)
+        Float64(), (x, y, 2.0), (1.0, -2.0 if frame == "NED" else 2.0), FRAMES[frame], FLIGHT.parameters)
     if abs(angle) != 180:
         assert tangent == pytest.approx(np.clip(-np.tan(turn / 2), -1, 1))
     assert abs(tangent) <= 1

@@ -27,7 +27,8 @@ def test_an_update_is_the_exact_rotation_within_the_designed_error(config, metho
     config = config.model_copy(update={"method": method, "rate_max_deg_s": 100_000, "sample_rate_hz": 1000})
     e, omega = samples(2000, config.rate_max_deg_s)
     c = config.coefficients
-    q = np.stack(quaternion.quaternion_step(Float64, tuple(e), tuple(omega), a0=c.a0, d0=c.d0, period=config.period_s))
+    q = np.stack(quaternion.quaternion_step(Float64(), tuple(e), tuple(omega), a0=c.a0, d0=c.d0,
+                                            period=config.period_s))
     truth = exact.product(e.T, exact.increment(omega.T, config.period_s))
     angle, norm = c.worst()
     error = exact.angle_between(q.T, truth)
@@ -42,7 +43,7 @@ def test_the_matrix_is_the_patents():
     e = RNG.standard_normal(4)
     p_, q_, r_ = d * p, d * q, d * r
     phi = np.array([[a, -p_, -q_, -r_], [p_, a, r_, -q_], [q_, -r_, a, p_], [r_, q_, -p_, a]])
-    np.testing.assert_allclose(quaternion.transition(Float64, a, d, (p, q, r), tuple(e)), phi @ e, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(quaternion.transition(Float64(), a, d, (p, q, r), tuple(e)), phi @ e, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("order", range(1, 9))
@@ -70,7 +71,7 @@ def test_renormalisation_brings_the_norm_back():
     e = tuple(1.01 * np.array([0.5, 0.5, -0.5, 0.5]))
     for expected in (1.5 * 0.01**2, 1.5 * (1.5 * 0.01**2) ** 2):
         # One Newton step: 1 + x becomes 1 − 3/2·x² − x³/2.
-        e = tuple(quaternion.renormalisation(Float64, e) * x for x in e)
+        e = tuple(quaternion.renormalisation(Float64(), e) * x for x in e)
         assert 1 - np.linalg.norm(e) == pytest.approx(expected, rel=0.02)
 
 

@@ -153,10 +153,10 @@ def test_every_attitude_can_be_aligned():
     q = RNG.standard_normal((500, 4))
     q = np.concatenate([q, np.eye(4), [[1, 1, 0, 0], [0, 1, -1, 0], [0, 0, 1, 1], [1, 0, 0, -1]]])
     q /= np.linalg.norm(q, axis=1, keepdims=True)
-    c = np.array(sins.matrix_of_quaternion(Float64, tuple(q.T))).transpose(2, 0, 1)
+    c = np.array(sins.matrix_of_quaternion(Float64(), tuple(q.T))).transpose(2, 0, 1)
     f = np.einsum("kji,j->ki", c, [0, 0, 9.8])
     omega = np.einsum("kji,j->ki", c, [0, 5e-5, 5e-5])
-    found = np.stack(sins.alignment_quaternion(Float64, tuple(f.T), tuple(omega.T)), axis=-1)
+    found = np.stack(sins.alignment_quaternion(Float64(), tuple(f.T), tuple(omega.T)), axis=-1)
     # The chosen column is 4·q·q_i with the largest |q_i|, at least 1/2.
     assert (np.linalg.norm(found, axis=1) > 2 - 1e-9).all()
     found /= np.linalg.norm(found, axis=1, keepdims=True)
@@ -185,10 +185,10 @@ def test_out_of_range_is_told(port, limit):
 
 
 def test_position_matrix_stays_orthonormal():
-    c = sins.start_position(Float64, 0.6, 0.8, 0.28, 0.96)
+    c = sins.start_position(Float64(), 0.6, 0.8, 0.28, 0.96)
     transport = (3e-5, -2e-5)
     for _ in range(2000):
-        c = sins.position_matrix(Float64, c, transport, 1.0)
+        c = sins.position_matrix(Float64(), c, transport, 1.0)
     c = np.array(c)
     # Third order of the turn, (4e-5)³ an update, and rounding.
     np.testing.assert_allclose(c @ c.T, np.eye(3), rtol=0, atol=2000 * 1e-13)
@@ -199,7 +199,7 @@ def test_curvatures_are_the_ellipsoids():
     v = RNG.uniform(-300, 300, (100, 3))
     c = platform_from_geodetic(latitude, 0.3, wander)
     rows = tuple(tuple(c[:, i, j] for j in range(3)) for i in range(3))
-    spin, transport = sins.earth_and_transport_rate(Float64, rows, tuple(v.T), h, sins.SOURCE_EARTH)
+    spin, transport = sins.earth_and_transport_rate(Float64(), rows, tuple(v.T), h, sins.SOURCE_EARTH)
     east = np.cos(wander) * v[:, 0] - np.sin(wander) * v[:, 1]
     north = np.sin(wander) * v[:, 0] + np.cos(wander) * v[:, 1]
     meridian, prime = SOURCE_EARTH.radii(latitude)

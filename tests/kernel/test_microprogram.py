@@ -6,6 +6,7 @@ import pytest
 from strapdown.config import THESIS
 from strapdown.cores import ATTITUDE_CORES
 from strapdown.kernel.microprogram import Microprogram
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.schedule import schedule
 
@@ -67,10 +68,11 @@ POOLS = {
     "default": POOL,
     "no forwarding": Pool(forwarding=False),
     "one port, block memory, no arctangent": Pool(
-        arctangents=0, private_ports=False, forwarding=False, operand_memory=MemoryStyle.BLOCK),
+        operators=(Adder(), Multiplier(), Divider(count=2), Selector()),
+        private_ports=False, forwarding=False, operand_memory=MemoryStyle.BLOCK),
     "forwarding past a block memory": Pool(operand_memory=MemoryStyle.BLOCK),
-    "two of each": Pool(adders=2, multipliers=2, dividers=2, arctangents=2),
-    "two buses": Pool(adders=2, multipliers=3, side_memory=True),
+    "two of each": Pool().with_operators(Adder(count=2), Multiplier(count=2), Arctangent(count=2)),
+    "two buses": Pool(side_memory=True).with_operators(Adder(count=2), Multiplier(count=3)),
 }
 
 

@@ -8,6 +8,7 @@ import pytest
 from strapdown.config.stream import THESIS_X8
 from strapdown.cores.attitude import ins_acc, ins_top
 from strapdown.kernel.modulo import modulo_schedule
+from strapdown.kernel.operators import Adder
 
 POOL, INTERVAL = THESIS_X8.pool, THESIS_X8.interval
 
@@ -66,7 +67,7 @@ def test_no_interval_is_shorter_than_the_divisions(graph):
 
 def test_a_second_adder_is_refused(graph):
     with pytest.raises(ValueError, match=r"^pool must have one adder, not 2$"):
-        modulo_schedule(graph, replace(POOL, adders=2), INTERVAL)
+        modulo_schedule(graph, POOL.with_operators(Adder(count=2)), INTERVAL)
 
 
 def test_equal_on_every_run(small):

@@ -5,6 +5,7 @@ import pytest
 
 from strapdown.config import THESIS
 from strapdown.cores import ATTITUDE_CORES
+from strapdown.kernel.operators import Adder, Divider, Multiplier
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.schedule import schedule
 from strapdown.kernel.trace import Tracer
@@ -35,12 +36,12 @@ def index_of(result, operation, which=0):
 def test_chain_takes_the_sum_of_its_latencies():
     result = schedule(small_graph(), POOL)
     # Both inputs are registered, then come in two cycles; the product, the sum: each is fetched as it comes out.
-    assert result.length == 1 + 2 + (POOL.multiplier_latency + 1) + (POOL.adder_latency + 1)
+    assert result.length == 1 + 2 + (Multiplier().latency + 1) + (Adder().latency + 1)
 
 
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
-@pytest.mark.parametrize("pool", [POOL, Pool(adder_latency=6, multiplier_latency=1, divider_bits_per_cycle=1,
-                                             arctangent_steps_per_cycle=1)], ids=["default", "other"])
+@pytest.mark.parametrize("pool", [POOL, POOL.with_operators(Adder(latency=6), Multiplier(latency=1))],
+                         ids=["default", "other"])
 def test_every_core_has_a_valid_schedule(name, pool):
     result = schedule(ATTITUDE_CORES[name](THESIS).trace(pool), pool)
     result.verify()
@@ -81,7 +82,7 @@ def test_verify_finds_a_busy_unit():
     xp = Tracer(Pool(), ("ONLY",))
     x, y = xp.source("input", "x"), xp.source("input", "y")
     graph = xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(xp.sqrt(x)), "b": xp.settled(xp.sqrt(y))})
-    result = schedule(graph, Pool(dividers=1))
+    result = schedule(graph, POOL.with_operators(Divider()))
     with pytest.raises(AssertionError, match="busy"):
         moved(result, index_of(result, "sqrt", 1), -1).verify()
 

@@ -1,6 +1,7 @@
 import pytest
 
 from strapdown.kernel.numeric import Float64, Twin
+from strapdown.kernel.operators import Comparator, Extremes, ReciprocalRoot
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.trace import Tracer
 
@@ -32,7 +33,34 @@ def test_only_numbers_are_lifted(make):
         make().lift(1.0) * "1"
 
 
-def test_maximum_means_the_same_in_all_namespaces():
-    twin = Twin(Pool())
+@pytest.mark.parametrize("pool", [Pool(), Pool().with_operators(Extremes()), Pool().with_operators(Comparator())],
+                         ids=["choice", "operator", "comparator"])
+def test_extremes_mean_the_same_in_all_namespaces(pool):
+    exact, twin = Float64(), Twin(pool)
     for a, b in ((1.0, 2.0), (2.0, 1.0), (-1.0, -1.0), (-2.0, 0.0)):
-        assert Float64.maximum(a, b) == twin.maximum(a, twin.lift(b)).array == max(a, b)
+        assert exact.maximum(a, b) == twin.maximum(a, twin.lift(b)).array == max(a, b)
+        assert exact.minimum(a, b) == twin.minimum(a, twin.lift(b)).array == min(a, b)
+
+
+@pytest.mark.parametrize("make", [*NAMESPACES.values(), Float64], ids=[*NAMESPACES, "float64"])
+def test_an_unknown_operation_is_refused(make):
+    with pytest.raises(AttributeError, match=r"^kernels have no operation 'tan': choose from add, atan2, .*, sqrt"):
+        make().tan(1.0)
+
+
+@pytest.mark.parametrize("make", NAMESPACES.values(), ids=NAMESPACES)
+def test_an_operation_without_an_operator_is_refused(make):
+    with pytest.raises(ValueError, match=r"^the pool has no operator for sin: add one to its operators$"):
+        make().sincos(1.0)
+
+
+def test_an_operation_of_the_pool_takes_the_place_of_its_fallback():
+    def count(*operators):
+        pool = Pool().with_operators(*operators)
+        xp = Tracer(pool, ("ONLY",))
+        x, y = xp.source("input", "x"), xp.source("input", "y")
+        result = xp.select(x > y, xp.maximum(x, y), xp.rsqrt(x))
+        return xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(result)}).count()
+
+    assert count() == {"add": 2, "select": 2, "sqrt": 1, "divide": 1}
+    assert count(Comparator(), Extremes(), ReciprocalRoot()) == {"less": 1, "maximum": 1, "rsqrt": 1, "select": 1}

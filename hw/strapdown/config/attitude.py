@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool
 
 from .base import Axes, Config
@@ -26,11 +27,14 @@ THESIS = AttitudeConfig(
 
 THESIS_COMPACT = THESIS.replace(
     name="thesis_compact", description="the same, small: one operation after another, atan2 without a unit of its own",
-    pool=Pool(dividers=1, arctangents=0, forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK))
+    pool=Pool(operators=(Adder(), Multiplier(), Divider(), Selector()),
+              forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK))
 
 THESIS_FAST = THESIS.replace(
     name="thesis_fast", description="the same, fast: several operators of each kind",
-    pool=Pool(adders=2, adder_latency=4, multipliers=3, divider_bits_per_cycle=2, arctangents=3, side_memory=True))
+    pool=Pool(operators=(Adder(count=2, latency=4), Multiplier(count=3), Divider(count=2, bits_per_cycle=2),
+                         Arctangent(count=3), Selector()),
+              side_memory=True))
 
 MAHONY = AttitudeConfig(
     name="mahony",

@@ -6,6 +6,7 @@ import pydantic
 from pydantic import Field
 
 from strapdown.fp import BINARY64, Subnormals
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool
 
 from .base import Config
@@ -13,7 +14,8 @@ from .base import Config
 __all__ = ["SINS", "SINS_DAMPED", "SinsConfig"]
 
 
-DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH), dividers=1, divider_bits_per_cycle=2,
+DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH),
+                   operators=(Adder(), Multiplier(), Divider(bits_per_cycle=2), Arctangent(), Selector()),
                    operand_memory=MemoryStyle.BLOCK)
 """Operators in binary64, operands in block RAM: there are more than LUTs would hold cheaply. The adder sets the clock
 frequency, so that two bits a cycle in the divider cost nothing."""

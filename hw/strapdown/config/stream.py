@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool
 
 from .attitude import THESIS, AttitudeConfig
@@ -28,7 +29,7 @@ THESIS_X8 = StreamConfig(**dict(THESIS) | {
     "name": "thesis_x8", "description": "eight IMUs on one core, each with the filter of the 2015 thesis",
     # Not the latency of an operation counts but how fast the clock can be: so one step a cycle
     # where operations are iterated, in as many units as are in time.
-    "pool": Pool(adder_latency=5, multiplier_latency=4, dividers=2, divider_bits_per_cycle=1, arctangents=1,
-                 arctangent_steps_per_cycle=1, forwarding=False, operand_memory=MemoryStyle.BLOCK,
-                 microcode=MemoryStyle.DISTRIBUTED),
+    "pool": Pool(operators=(Adder(latency=5), Multiplier(latency=4), Divider(count=2, bits_per_cycle=1),
+                            Arctangent(steps_per_cycle=1), Selector()),
+                 forwarding=False, operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED),
     "channels": 8, "interval": 106})

@@ -2,7 +2,6 @@
 
 import inspect
 import json
-from dataclasses import fields
 from enum import Enum
 from importlib.metadata import version
 from textwrap import wrap
@@ -106,10 +105,9 @@ def ports(core):
 
 def configuration(config):
     """A configuration as plain JSON values."""
-    pool = {field.name: getattr(config.pool, field.name) for field in fields(config.pool)}
     return {
         **{field: getattr(config, field) for field in type(config).model_fields if field != "pool"},
-        **{name: value.value if isinstance(value, Enum) else value for name, value in pool.items()},
+        **{name: value.value if isinstance(value, Enum) else value for name, value in config.pool.parameters.items()},
         "format": config.pool.format.name, "subnormals": config.pool.format.subnormals.value}
 
 

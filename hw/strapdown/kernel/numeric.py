@@ -1,9 +1,11 @@
 """Numeric namespaces that compute: float64 for the truth, the twin for the circuit's very bits."""
 
 from contextlib import nullcontext
+from functools import partial
 
 import numpy as np
 
+from .operators import Operation, meaning
 from .value import Namespace, Value
 
 __all__ = ["Float64", "Twin"]
@@ -12,10 +14,11 @@ __all__ = ["Float64", "Twin"]
 class Float64:
     """The namespace in which a kernel computes on plain float64 scalars and arrays."""
 
-    sqrt = staticmethod(np.sqrt)
-    atan2 = staticmethod(np.arctan2)
     select = staticmethod(np.where)
-    maximum = staticmethod(np.maximum)
+
+    def __getattr__(self, name):
+        known = meaning(name)
+        return known.float64 if isinstance(known, Operation) else partial(known, self)
 
     @staticmethod
     def section(name):

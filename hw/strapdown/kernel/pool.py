@@ -3,14 +3,14 @@
 """The pool of operators that an engine computes with."""
 
 import enum
-import operator
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
-from strapdown.cordic import CordicAtan2
-from strapdown.fp import BINARY32, FloatFormat, FpAdd, FpDivideSquareRoot, FpMultiply, FpSelect, Subnormals
+from strapdown.fp import BINARY32, FloatFormat, Subnormals
+
+from .operators import Adder, Arctangent, Divider, Multiplier, Operator, Selector
 
 __all__ = ["MemoryStyle", "Pool", "Unit"]
 
@@ -19,12 +19,12 @@ FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 
 @dataclass(frozen=True)
 class Unit:
-    """An operator of a pool.
+    """One operator of a pool, for numbers of its format.
 
     Attributes
     ----------
-    name : str
-        Name of its instance in the Verilog.
+    name, kind : str
+        Name of its instance in the Verilog, and that of the operator of which there may be several.
     make : callable
         Makes a fresh component, with members ``start`` and ``result``.
     operations : dict
@@ -32,23 +32,27 @@ class Unit:
     read_port : int
         The pair of memory read ports that feeds it.
     operands : tuple of str
-        Members that take the first and second operand.
+        Members that take the operands, one or two.
     modes : dict
         Kernel operation to the member that is high for it.
     direct : bool
         Whether its results go straight to the result bus, and can be operands as they come out. Those of
-        the others, which are seldom used, are registered once more on the way.
+        the others are registered once more on the way.
+    takes_condition : bool
+        Whether it has a member ``condition``.
     latency, interval : int
         Cycles from start to result, and between two starts.
     """
 
     name: str
+    kind: str
     make: Callable[[], Any]
     operations: dict[str, Callable]
     read_port: int
-    operands: tuple[str, str] = ("a", "b")
+    operands: tuple[str, ...] = ("a", "b")
     modes: dict[str, str] = field(default_factory=dict)
     direct: bool = False
+    takes_condition: bool = False
     latency: int = field(init=False)
     interval: int = field(init=False)
 
@@ -75,14 +79,8 @@ class Pool:
     ----------
     format : FloatFormat
         Format of all numbers.
-    adders, multipliers, dividers, arctangents : int
-        How many of each. Without an arctangent, atan2 is computed by the others.
-    adder_latency, multiplier_latency : int
-        Register ranks of the pipelined operators.
-    divider_bits_per_cycle : int
-        Result bits that the iterative division and square root find in a cycle.
-    arctangent_steps_per_cycle : int
-        CORDIC steps in a cycle.
+    operators : tuple of Operator
+        The operators; a program leaves out what its equations do not use.
     forwarding : bool
         Whether a result can be an operand as it comes out, without a way through the memory.
     private_ports : bool
@@ -92,19 +90,13 @@ class Pool:
     side_memory : bool
         Whether there is a second result bus, with a memory of its own for results of adders and multipliers.
 
-    Raises: TypeError and ValueError for parameters that an operator refuses, for counts below one, and
-    for a side memory beside operands in block RAM.
+    Raises: TypeError and ValueError for parameters that an operator refuses, for what is no operator, for two
+    operators that offer the same operation, for operators without a selector, and for a side memory beside
+    operands in block RAM.
     """
 
     format: FloatFormat = FLUSHED32
-    adders: int = 1
-    adder_latency: int = 5
-    multipliers: int = 1
-    multiplier_latency: int = 2
-    dividers: int = 2
-    divider_bits_per_cycle: int = 1
-    arctangents: int = 1
-    arctangent_steps_per_cycle: int = 1
+    operators: tuple[Operator, ...] = (Adder(), Multiplier(), Divider(count=2), Arctangent(), Selector())
     forwarding: bool = True
     private_ports: bool = True
     operand_memory: MemoryStyle = MemoryStyle.DISTRIBUTED
@@ -112,12 +104,33 @@ class Pool:
     side_memory: bool = False
 
     def __post_init__(self):
-        for name, least in ("adders", 1), ("multipliers", 1), ("dividers", 1), ("arctangents", 0):
-            if (count := operator.index(getattr(self, name))) < least:
-                raise ValueError(f"{name} must be at least {least}, not {count!r}")
+        offered: dict[str, str] = {}
+        for each in self.operators:
+            if not isinstance(each, Operator):
+                raise TypeError(f"operators must be instances of Operator, not {each!r}")
+            for operation in each.operations:
+                if operation.name in offered:
+                    raise ValueError(f"operators must offer {operation.name} once: "
+                                     f"{offered[operation.name]} and {each.name} do")
+                offered[operation.name] = each.name
+        if "copy" not in offered:
+            raise ValueError("operators must include a Selector, which copies numbers")
         if self.side_memory and self.operand_memory is not MemoryStyle.DISTRIBUTED:
             raise ValueError("operand_memory must be distributed if there is a side memory")
         _ = self.units  # each operator checks its parameters
+
+    def with_operators(self, *operators):
+        """This pool with more operators; one of a kind that it has already takes the other's place."""
+        own = {each.name: each for each in (*self.operators, *operators)}
+        return replace(self, operators=tuple(own.values()))
+
+    @property
+    def parameters(self):
+        """All parameters but the format by name, those of the operators as in ``adders`` and ``adder_latency``."""
+        found = {f"{each.name}s" if parameter.name == "count" else f"{each.name}_{parameter.name}":
+                 getattr(each, parameter.name) for each in self.operators for parameter in fields(each)}
+        return found | {parameter.name: getattr(self, parameter.name) for parameter in fields(self)
+                        if parameter.name not in ("format", "operators")}
 
     @property
     def memory_delay(self):
@@ -128,38 +141,33 @@ class Pool:
     def units(self):
         """All units of the pool, a tuple of Unit.
 
-        Additions are on nearly every path, so an adder shares its pair of read ports with none but the
-        selector, which is seldom used; whatever is iterative shares that of a multiplier.
+        Additions are on nearly every path, so an adder shares its pair of read ports with none but what is
+        seldom used and quickly done; whatever is iterative shares that of a multiplier. Those beside an
+        operator of which there are several take their pairs in turn.
         """
-        divider = partial(FpDivideSquareRoot, self.format, bits_per_cycle=self.divider_bits_per_cycle)
-        arctangent = partial(CordicAtan2, self.format, steps_per_cycle=self.arctangent_steps_per_cycle)
-        divide_square_root = divider().compute
-        units = [
-            *self._pipelined("adder", "add", self.adders, 0, partial(FpAdd, self.format, latency=self.adder_latency)),
-            *self._pipelined("multiplier", "multiply", self.multipliers, self.adders,
-                             partial(FpMultiply, self.format, latency=self.multiplier_latency))]
-        iterative = 0
-        for name in _numbered("divider", self.dividers):
-            units.append(Unit(name, divider, {"divide": lambda a, b: divide_square_root(a, b, False),
-                                              "sqrt": lambda a: divide_square_root(a, a, True)},
-                              read_port=self._port(self.adders + iterative % self.multipliers),
-                              modes={"sqrt": "square_root"}))
-            iterative += 1
-        for name in _numbered("arctangent", self.arctangents):
-            units.append(Unit(name, arctangent, {"atan2": arctangent().compute}, operands=("y", "x"),
-                              read_port=self._port(self.adders + iterative % self.multipliers)))
-            iterative += 1
-        units.append(Unit("selector", partial(FpSelect, self.format),
-                          {"select": FpSelect.compute, "copy": lambda a: a}, read_port=0))
+        ports: dict[str, list[int]] = {}
+        pairs = 0
+        for each in self.operators:
+            if not each.beside:
+                ports[each.name] = list(range(pairs, pairs + each.count))
+                pairs += each.count
+        guests = dict.fromkeys(ports, 0)
+        units = []
+        for each in self.operators:
+            component = each.make(self.format)
+            host = each.beside or each.name
+            for name in _numbered(each.name, each.count):
+                pair = 0
+                if self.private_ports and host in ports:
+                    pair = ports[host][guests[host] % len(ports[host])]
+                    guests[host] += 1
+                units.append(Unit(
+                    name, each.name, partial(each.make, self.format),
+                    {operation.name: partial(operation.twin, component) for operation in each.operations},
+                    read_port=pair, operands=each.operands, direct=each.direct,
+                    modes={operation.name: operation.mode for operation in each.operations if operation.mode},
+                    takes_condition=any(operation.takes_condition for operation in each.operations)))
         return tuple(units)
-
-    def _pipelined(self, name, operation, count, first_port, make):
-        twin = make().compute
-        return [Unit(unit, make, {operation: twin}, read_port=self._port(first_port + index), direct=True)
-                for index, unit in enumerate(_numbered(name, count))]
-
-    def _port(self, index):
-        return index if self.private_ports else 0
 
     @cached_property
     def operations(self):

@@ -108,7 +108,7 @@ class System:
         ``inputs`` and ``state`` map ports and words to arrays; the result maps output ports and
         state words to arrays and status names to bools.
         """
-        return self._update(Float64, np.float64, lambda array: array, inputs, state)
+        return self._update(Float64(), np.float64, lambda array: array, inputs, state)
 
     def update_twin(self, pool, inputs, state=None):
         """One update as the circuit computes it, every bit: as ``update_float64``, with arrays of the format's dtype.

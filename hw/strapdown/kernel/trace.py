@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import NamedTuple
 
+from .operators import OPERATIONS
 from .value import Namespace, Value
 
 __all__ = ["Node", "Operand", "Graph", "Origin", "Tracer"]
@@ -30,8 +31,8 @@ class Origin(NamedTuple):
 class Node:
     """One value of a graph: an operation, or where a value comes from.
 
-    ``operation`` is one of add, multiply, divide, sqrt, atan2, select, copy (computed), input,
-    state or constant. ``label`` is the port, state word or number of the last three.
+    ``operation`` is one that a pool's units compute, or input, state or constant. ``label`` is the
+    port, state word or number of the last three.
     ``origin`` is the chain of kernel lines that asked for it, outermost first.
     """
 
@@ -50,17 +51,21 @@ class Node:
     @property
     def condition(self):
         """The operand whose sign decides, an Operand; None if the operation has no condition."""
-        return self.operands[-1] if self.operation == "select" else None
+        return self.operands[-1] if self._takes_condition else None
 
     @property
     def arguments(self):
         """The operands that are numbers: all but the condition."""
-        return self.operands[:-1] if self.operation == "select" else self.operands
+        return self.operands[:-1] if self._takes_condition else self.operands
 
     @property
     def spreads(self):
         """Whether an operand that is infinite or NaN always gives a result that is infinite or NaN."""
-        return self.operation in ("add", "multiply")
+        return self.computed and OPERATIONS[self.operation].spreads
+
+    @property
+    def _takes_condition(self):
+        return self.computed and OPERATIONS[self.operation].takes_condition
 
     def __str__(self):
         if not self.computed:
@@ -134,7 +139,7 @@ class Tracer(Namespace):
     Parameters
     ----------
     pool : Pool
-        In whose format numbers of the kernel are told apart, and whose operations there are.
+        Supplies the number format and the available operations.
     sections : tuple of str
         Stages the kernel may name; what it computes outside of them belongs to the first.
     """

@@ -2,9 +2,10 @@
 
 from abc import ABC, abstractmethod
 from contextlib import nullcontext
+from functools import partial
 from numbers import Real
 
-from strapdown.algorithms import arctangent
+from .operators import OPERATIONS, Operation, meaning
 
 __all__ = ["Namespace", "Value"]
 
@@ -12,12 +13,15 @@ __all__ = ["Namespace", "Value"]
 class Namespace(ABC):
     """Base of the namespaces whose values are not plain numbers.
 
-    The circuit has no comparator: ``a < b`` is the sign of ``a - b``.
+    Every operation of ``OPERATIONS`` is a method, of values and numbers: computed by the pool's unit for it,
+    or by others if the pool has none and there is a way.
 
     Parameters
     ----------
     pool : Pool
         The units there are.
+
+    Raises: AttributeError for an unknown operation; ValueError for one that the pool cannot compute.
     """
 
     def __init__(self, pool):
@@ -53,35 +57,27 @@ class Namespace(ABC):
             return self.lift(float(operand))
         raise TypeError(f"a kernel computes with numbers, not with {operand!r}")
 
+    def __getattr__(self, name):
+        known = meaning(name)
+        return partial(self.call, known) if isinstance(known, Operation) else partial(known, self)
+
+    def call(self, operation, *operands):
+        """What an Operation makes of values or numbers: a value, or a condition if it gives one."""
+        values = [self.lift_value(operand) for operand in operands]
+        if operation.name in self.pool.operations:
+            result = self.apply(operation.name, *values)
+            return self.is_negative(result) if operation.gives_condition else result
+        if operation.fallback is None:
+            raise ValueError(f"the pool has no operator for {operation.name}: add one to its operators")
+        return operation.fallback(self, *values)
+
     def add(self, a, b):
         """a + b."""
-        return self.apply("add", a, b)
-
-    def multiply(self, a, b):
-        """a · b."""
-        return self.apply("multiply", a, b)
-
-    def divide(self, a, b):
-        """a / b."""
-        return self.apply("divide", a, b)
-
-    def sqrt(self, a):
-        """Square root of a value or number."""
-        return self.apply("sqrt", self.lift_value(a))
-
-    def atan2(self, y, x):
-        """Angle of the point (x, y), values or numbers, in radians: a unit's, or a kernel's if the pool has none."""
-        y, x = self.lift_value(y), self.lift_value(x)
-        return self.apply("atan2", y, x) if "atan2" in self.pool.operations else arctangent.atan2(self, y, x)
+        return self.call(OPERATIONS["add"], a, b)
 
     def subtract(self, a, b):
         """a - b: the sum with b's sign turned."""
         return self.add(a, self.negate(b))
-
-    def maximum(self, a, b):
-        """The larger of a and b; a if both are equal."""
-        a, b = self.lift_value(a), self.lift_value(b)
-        return self.select(a < b, b, a)
 
     def section(self, name):
         """Context manager: what is computed inside belongs to the stage ``name``."""
@@ -129,10 +125,10 @@ class Value:
         return self.namespace.negate(self)
 
     def __lt__(self, other):
-        return self.namespace.is_negative(self - other)
+        return self.namespace.less(self, other)
 
     def __gt__(self, other):
-        return self.namespace.is_negative(other - self)
+        return self.namespace.less(other, self)
 
     def __bool__(self):
         raise TypeError("a kernel's value is not known while the kernel runs: use xp.select")

@@ -1,0 +1,12 @@
+"""The kinds of operators that a pool may have: a file each, and a line here."""
+
+from .adder import *
+from .arctangent import *
+from .base import *
+from .comparator import *
+from .divider import *
+from .extremes import *
+from .multiplier import *
+from .reciprocal_root import *
+from .selector import *
+from .sine_cosine import *

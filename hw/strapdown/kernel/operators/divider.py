@@ -1,0 +1,35 @@
+"""Division and square root."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strapdown.fp import FpDivideSquareRoot
+
+from .base import Operation, Operator
+
+__all__ = ["Divider"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Divider(Operator):
+    """Iterative division and square root in one circuit.
+
+    Parameters
+    ----------
+    bits_per_cycle : int
+        Result bits found in a cycle, as of ``FpDivideSquareRoot``.
+    count : int
+        How many there are.
+    """
+
+    name = "divider"
+    component = FpDivideSquareRoot
+    beside = "multiplier"
+    operations = (
+        Operation("divide", twin=lambda component, a, b: component.compute(a, b, False), float64=np.divide),
+        Operation("sqrt", twin=lambda component, a: component.compute(a, a, True), float64=np.sqrt,
+                  mode="square_root"))
+
+    bits_per_cycle: int = 1
+    count: int = 1

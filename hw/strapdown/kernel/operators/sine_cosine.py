@@ -1,0 +1,92 @@
+# amaranth: UnusedElaboratable=no
+# Units are also made for their latency and their twin alone.
+# mypy: disable-error-code="attr-defined"
+"""Sine and cosine."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from amaranth import *
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+
+from strapdown.cordic import CordicSinCos
+
+from .base import Operation, Operator
+
+__all__ = ["SineCosine"]
+
+
+class SineOrCosine(wiring.Component):
+    """``CordicSinCos`` with one result, the sine or the cosine.
+
+    Members
+    -------
+    angle, cosine, start : In(format), In(1), In(1)
+        Angle, rad, and whether its cosine is wanted; taken while ``start`` is high.
+    result, done : Out(format), Out(1)
+        Sine or cosine, valid while ``done`` is high.
+
+    Latency, interval, accuracy, special values and errors: those of ``CordicSinCos``, iterative.
+    """
+
+    def __init__(self, format, *, steps_per_cycle):
+        self._rotation = CordicSinCos(format, steps_per_cycle=steps_per_cycle)
+        super().__init__({"angle": In(format.layout), "cosine": In(1), "start": In(1),
+                          "result": Out(format.layout), "done": Out(1)})
+
+    @property
+    def latency(self):
+        """Cycles from ``start`` to ``done``."""
+        return self._rotation.latency
+
+    @property
+    def interval(self):
+        """Least number of cycles between two starts."""
+        return self._rotation.interval
+
+    def compute(self, angle):
+        """Bit-exact software twin: an array of the format's dtype to its sines and cosines."""
+        return self._rotation.compute(angle)
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.rotation = rotation = self._rotation
+        # The next start may come in the cycle before ``done``: each wish waits until the rotation that it is for ends.
+        wanted, shown = Signal(reset_less=True), Signal(reset_less=True)
+        with m.If(self.start):
+            m.d.sync += wanted.eq(self.cosine)
+        m.d.sync += shown.eq(wanted)
+        m.d.comb += [rotation.angle.eq(self.angle), rotation.start.eq(self.start), self.done.eq(rotation.done),
+                     self.result.eq(Mux(shown, rotation.cos, rotation.sin))]
+        return m
+
+
+@dataclass(frozen=True, kw_only=True)
+class SineCosine(Operator):
+    """Iterative sine and cosine of an angle in radians, below 256 in magnitude: ``xp.sin``, ``xp.cos``, ``xp.sincos``.
+
+    A rotation finds both, but an operation of a pool has one result: ``xp.sincos`` is two rotations. To
+    keep the other result would save one of them; but no other angle could come in between, and a
+    schedule could not place the two freely.
+
+    Parameters
+    ----------
+    steps_per_cycle : int
+        CORDIC steps in a cycle, as of ``CordicSinCos``.
+    count : int
+        How many there are.
+    """
+
+    name = "sine_cosine"
+    component = SineOrCosine
+    beside = "multiplier"
+    operands = ("angle",)
+    operations = (
+        Operation("sin", twin=lambda component, angle: component.compute(angle).sin, float64=np.sin),
+        Operation("cos", twin=lambda component, angle: component.compute(angle).cos, float64=np.cos, mode="cosine"))
+    functions: ClassVar = {"sincos": lambda xp, angle: (xp.sin(angle), xp.cos(angle))}
+
+    steps_per_cycle: int = 1
+    count: int = 1
