@@ -1,25 +1,28 @@
 # amaranth: UnusedElaboratable=no
 # A core tells its ports without being elaborated.
-"""SINS_uart: SINS_top that sends what it found over a serial line."""
+"""A core that sends what it finds over a serial line, as SINS_uart does."""
 
 from amaranth import *
-from amaranth.lib import wiring
-from amaranth.lib.wiring import In, Out
+from amaranth.lib.wiring import Out
 
-from strapdown.link import NAVIGATION, FrameSender
+from strapdown.kernel.description import Port, Section
+from strapdown.link import FRAME_TYPES, LAYOUT, FrameSender
 
-from .catalogue import make_core
+from .catalogue import main_module, make_core
+from .top import Top, Wrapper
 
-__all__ = ["UartCore", "sins_uart"]
+__all__ = ["UartLink", "uart_core"]
 
 
-class UartCore(wiring.Component):
-    """A core and a FrameSender that sends a NAVIGATION frame after each update.
+class UartLink(Wrapper):
+    """An engine, and a FrameSender that sends a frame of its outputs after each update.
+
+    The frame is the first of ``FRAME_TYPES`` of which the engine has a port ``out_NAME`` for each quantity.
 
     Parameters
     ----------
-    core : Core
-        With a port ``out_NAME`` for each quantity of NAVIGATION, and a status port.
+    engine : Engine
+        With a status port.
     sample_rate_hz : float
         Updates a second.
     clock_hz, baud_rate : float
@@ -27,62 +30,89 @@ class UartCore(wiring.Component):
 
     Members
     -------
-    clk, rst_n, and the core's
-        As without the link.
+    The engine's, and:
     uart_tx : Out(1)
         The serial line.
     out_link_busy, out_link_overrun : Out(1)
         As ``busy`` and ``overrun`` of FrameSender.
 
-    Latency: the core's; the first start bit begins two cycles after the finish has risen.
-    Raises: ValueError if the frame takes longer than a sample period, and as ``UartTransmitter``.
+    Latency: the engine's; the first start bit begins two cycles after the finish has risen.
+    Raises: ValueError if no frame holds the engine's outputs, or in another format; if the frame takes
+    longer than a sample period; and as ``UartTransmitter``.
     """
 
-    def __init__(self, core, *, sample_rate_hz, clock_hz, baud_rate):
-        self._core = core
-        number_size = core.engine.program.format.width // 8
-        payload_size = len(NAVIGATION.quantities) * number_size
-        if payload_size not in NAVIGATION.payload_sizes:
-            raise ValueError(f"a frame holds binary32 or binary64, not {core.engine.program.format.name}")
-        self._sender = FrameSender(NAVIGATION.number, payload_size, clock_hz=clock_hz, baud_rate=baud_rate)
+    def __init__(self, engine, *, sample_rate_hz, clock_hz, baud_rate):
+        system, format = engine.system, engine.program.format
+        self._frame_type = kind = _frame_type(system)
+        payload_size = len(kind.quantities) * format.width // 8
+        if payload_size not in kind.payload_sizes:
+            raise ValueError(f"a frame holds binary32 or binary64, not {format.name}")
+        self._sender = FrameSender(kind.number, payload_size, clock_hz=clock_hz, baud_rate=baud_rate)
         if self._sender.interval > clock_hz / sample_rate_hz:
             raise ValueError(
                 f"a frame of {self._sender.size} bytes takes {1000 * self._sender.interval / clock_hz:.3g} ms at "
                 f"{baud_rate:g} baud, longer than the sample period of {1000 / sample_rate_hz:.3g} ms")
-        super().__init__({**core.signature.members, "uart_tx": Out(1, init=1), "out_link_busy": Out(1),
-                          "out_link_overrun": Out(1)})
-
-    @property
-    def core(self):
-        """The core inside."""
-        return self._core
+        super().__init__(
+            engine, name=f"{system.name.removesuffix('_top')}_uart",
+            title=f"{system.name}, sending {kind.meaning} over a serial line",
+            added=(Port("uart_tx", Out, 1, "serial line, 8N1, high while idle", init=1),
+                   Port("out_link_busy", Out, 1, "high while a frame is sent"),
+                   Port("out_link_overrun", Out, 1,
+                        "an update was not sent, because a frame was; cleared by the next frame")))
 
     @property
     def sender(self):
         """The sender of frames inside."""
         return self._sender
 
-    def elaborate(self, platform):
-        m = Module()
-        m.domains.sync = ClockDomain(async_reset=True)
-        m.d.comb += [ClockSignal().eq(self.clk), ResetSignal().eq(~self.rst_n)]
-        m.submodules.engine = engine = self._core.engine
-        for name, member in engine.signature.members.items():
-            source, sink = (self, engine) if member.flow == In else (engine, self)
-            m.d.comb += getattr(sink, name).eq(getattr(source, name))
+    @property
+    def equations(self):
+        """None: the header of the core without the link quotes them."""
+        return ()
 
+    @property
+    def sections(self):
+        """Frame, payload and timing."""
+        system, sender = self.system, self._sender
+        timing = (f"As {system.name}: {system.finish} rises {self.latency} cycles after the edge that takes a start. "
+                  f"A frame begins two cycles later; it has {sender.size} bytes and takes {sender.interval} cycles, "
+                  f"{sender.divisor} to a bit.")
+        return (Section("FRAME", rows=tuple((field.name, field.size or "length", field.meaning) for field in LAYOUT)),
+                Section("PAYLOAD", rows=tuple((quantity.name, quantity.unit, quantity.meaning)
+                                              for quantity in self._frame_type.quantities)),
+                Section("TIMING", paragraphs=(timing,)))
+
+    @property
+    def facts(self):
+        """The frame, and the time that it takes, as JSON values."""
+        sender = self._sender
+        return {"frame": [{"name": field.name, "bytes": field.size, "meaning": field.meaning} for field in LAYOUT],
+                "payload": [vars(quantity) for quantity in self._frame_type.quantities],
+                "frame_bytes": sender.size, "frame_cycles": sender.interval, "bit_cycles": sender.divisor}
+
+    def elaborate(self, platform):
+        m = super().elaborate(platform)
+        engine, system = self.engine, self.system
         m.submodules.sender = sender = self._sender
-        finish, before = getattr(engine, engine.system.finish), Signal()
+        finish, before = getattr(engine, system.finish), Signal()
         m.d.sync += before.eq(finish)
         m.d.comb += [
             sender.send.eq(finish & ~before),
-            sender.status.eq(getattr(engine, engine.system.status_port)),
-            sender.payload.eq(Cat(getattr(engine, f"out_{quantity.name}") for quantity in NAVIGATION.quantities)),
+            sender.status.eq(getattr(engine, system.status_port)),
+            sender.payload.eq(Cat(getattr(engine, f"out_{quantity.name}") for quantity in self._frame_type.quantities)),
             self.uart_tx.eq(sender.tx), self.out_link_busy.eq(sender.busy), self.out_link_overrun.eq(sender.overrun)]
         return m
 
 
-def sins_uart(config, *, clock_hz, baud_rate):
-    """SINS_uart for a SinsConfig. Raises: as UartCore."""
-    return UartCore(make_core("SINS_top", config), sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz,
-                    baud_rate=baud_rate)
+def _frame_type(system):
+    """The kind of frame that holds a system's outputs."""
+    for kind in FRAME_TYPES.values():
+        if {f"out_{quantity.name}" for quantity in kind.quantities} <= {*system.output_ports}:
+            return kind
+    raise ValueError(f"no frame holds the outputs of {system.name}")
+
+
+def uart_core(config, *, clock_hz, baud_rate):
+    """A Top with the main module of a configuration and its UartLink: SINS_uart for a SinsConfig. Raises: as UartLink."""
+    engine = make_core(main_module(config), config).engine
+    return Top(UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate))

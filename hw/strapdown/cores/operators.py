@@ -5,7 +5,7 @@
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,11 @@ from strapdown.fp import (
     FpToFixed,
     Subnormals,
 )
+from strapdown.kernel.description import Port, Section
 
-__all__ = ["VENDOR_OPERATORS", "VendorKind", "VendorOperator", "VendorPort"]
+from .top import Control, Top, through
+
+__all__ = ["RankedOperator", "VENDOR_OPERATORS", "VendorKind", "VendorOperator"]
 
 FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 """The vendor's operators take subnormals for zeros and give none."""
@@ -35,26 +38,10 @@ MAXIMUM_LATENCY = 64
 """More ranks than any of the vendor's operators has."""
 
 
-@dataclass(frozen=True)
-class VendorPort:
-    """A data port of a vendor core.
-
-    Attributes
-    ----------
-    name : str
-        Its name there.
-    member : str
-        The member of our operator that it is.
-    width : int
-        Bits.
-    meaning : str
-        For headers and documents.
-    """
-
-    name: str
-    member: str
-    width: int
-    meaning: str
+VENDOR_CONTROL = Control(
+    reset=Port("sclr", In, 1, "synchronous clear, overrides ce"), reset_level=1, asynchronous=False,
+    enable=Port("ce", In, 1, "clock enable"))
+"""Clock, clear and enable of the vendor's cores. The reset of a clock domain overrides the enable, as sclr does ce."""
 
 
 @dataclass(frozen=True)
@@ -71,15 +58,17 @@ class VendorKind:
         Our operator with at most as many ranks as its argument says.
     twin : callable
         Our operator and arrays, in the order of ``operands``, to the array of results.
-    operands : tuple of VendorPort
+    operands : tuple of Port
         Data inputs.
-    result : VendorPort
+    result : Port
         Data output.
     notes : tuple of str
         Rounding and special values, a sentence each.
     new_data : str
         Name of the port that says that operands are there.
-    constants : tuple of (str, int)
+    members : dict
+        Vendor's port to the member of our operator that it is, where the names differ.
+    constants : dict
         Members of our operator that are no ports, and their values.
     """
 
@@ -89,14 +78,129 @@ class VendorKind:
     least_latency: int
     make: Callable[[int], Any]
     twin: Callable[..., np.ndarray]
-    operands: tuple[VendorPort, ...]
-    result: VendorPort
+    operands: tuple[Port, ...]
+    result: Port
     notes: tuple[str, ...]
     new_data: str = "operation_nd"
-    constants: tuple[tuple[str, int], ...] = ()
+    members: dict[str, str] = field(default_factory=dict)
+    constants: dict[str, int] = field(default_factory=dict)
+
+    def member(self, port):
+        """The member of our operator that a vendor's port is."""
+        return self.members.get(port.name, port.name)
 
 
-class VendorOperator(wiring.Component):
+class RankedOperator(wiring.Component):
+    """An operator of this project behind the vendor's data ports, with the vendor's latency.
+
+    It works in the clock domain ``sync``; ``VendorOperator`` adds clock, clear and enable.
+
+    Parameters
+    ----------
+    kind : VendorKind
+    latency : int
+        Cycles from operands to result.
+
+    Members
+    -------
+    As ``VendorOperator``, without clk, sclr and ce.
+    """
+
+    def __init__(self, kind, latency):
+        self._kind, self._latency = kind, latency
+        self._operator = kind.make(latency)
+        super().__init__({port.name: port.member for port in self.ports})
+
+    @property
+    def kind(self):
+        """What the vendor core of this name is."""
+        return self._kind
+
+    @property
+    def operator(self):
+        """Our operator inside."""
+        return self._operator
+
+    @property
+    def name(self):
+        """Name of the Verilog module."""
+        return self._kind.name
+
+    @property
+    def title(self):
+        """What it computes."""
+        return self._kind.title
+
+    @property
+    def ports(self):
+        """The ports: new data, ready, operands, result."""
+        return (Port(self._kind.new_data, In, 1, "new data: takes the operands"),
+                Port("rdy", Out, 1, "high while the result of an operation is there"),
+                *self._kind.operands, self._kind.result)
+
+    @property
+    def latency(self):
+        """Cycles from the operands to their result."""
+        return self._latency
+
+    @property
+    def extra_ranks(self):
+        """Register ranks behind our operator, up to ``latency``."""
+        return self._latency - self._operator.latency
+
+    @property
+    def notes(self):
+        """Rounding and special values, those of the format included, a sentence each."""
+        notes = [*self._kind.notes]
+        if any(port.width == 32 for port in self._kind.operands):
+            notes.append("A subnormal operand counts as zero of its sign.")
+            if self._kind.result.width == 32:
+                notes.append("A result below 2^-126, before rounding, becomes zero of its sign.")
+        return tuple(notes)
+
+    @property
+    def equations(self):
+        """None."""
+        return ()
+
+    @property
+    def sections(self):
+        """Timing and numbers."""
+        timing = (
+            f"Operands are taken at each rising edge of clk with {self._kind.new_data} and ce high, one operation a "
+            f"cycle. rdy is high with the result {self._latency} edges with ce high later, the taking one counted. "
+            "While ce is low, all registers hold. sclr high at a rising edge takes back all operations under way, "
+            "whatever ce is.")
+        ranks = f"The operator has {self._operator.latency} register ranks" + (
+            f"; {self.extra_ranks} more follow it, which synthesis may move into it (retiming)."
+            if self.extra_ranks else ".")
+        return Section("TIMING", paragraphs=(timing, ranks)), Section("NUMBERS", paragraphs=self.notes)
+
+    @property
+    def facts(self):
+        """Figures as JSON values."""
+        return {"interval_cycles": 1, "extra_ranks": self.extra_ranks, "numbers": list(self.notes)}
+
+    def elaborate(self, platform):
+        m = Module()
+        kind = self._kind
+        m.submodules.operator = inner = self._operator
+        m.d.comb += through(self, inner, {kind.new_data: "start"} | {port.name: kind.member(port)
+                                                                     for port in kind.operands})
+        m.d.comb += [getattr(inner, member).eq(value) for member, value in kind.constants.items()]
+
+        # Ranks that our operator has no use for follow it: results have fewer bits than operands.
+        valid, result = inner.done, Value.cast(getattr(inner, kind.member(kind.result)))
+        for rank in range(self.extra_ranks):
+            valid_q = Signal(name=f"valid_{rank}")
+            result_q = Signal(kind.result.width, name=f"result_{rank}", reset_less=True)
+            m.d.sync += [valid_q.eq(valid), result_q.eq(result)]
+            valid, result = valid_q, result_q
+        m.d.comb += [self.rdy.eq(valid), getattr(self, kind.result.name).eq(result)]
+        return m
+
+
+class VendorOperator(Top):
     """An operator with the module and port names, the latency and the control ports of a vendor core.
 
     Parameters
@@ -111,7 +215,7 @@ class VendorOperator(wiring.Component):
     operation_nd (``atan``: nd) : In(1)
         New data: the operands are taken at a rising edge of ``clk`` with this and ``ce`` high.
     clk, sclr, ce : In(1)
-        Clock; synchronous clear, which takes back all operations under way, at ``ce`` low too;
+        Clock; synchronous clear, which takes back all operations in flight, at ``ce`` low too;
         clock enable, without which registers hold.
     rdy : Out(1)
         High while the result of an operation is there.
@@ -126,61 +230,37 @@ class VendorOperator(wiring.Component):
     def __init__(self, name, *, latency=None):
         if name not in VENDOR_OPERATORS:
             raise ValueError(f"operator must be one of {', '.join(VENDOR_OPERATORS)}, not {name!r}")
-        self._kind = kind = VENDOR_OPERATORS[name]
-        self._latency = kind.latency if latency is None else operator.index(latency)
-        if not kind.least_latency <= self._latency <= MAXIMUM_LATENCY:
+        kind = VENDOR_OPERATORS[name]
+        cycles = kind.latency if latency is None else operator.index(latency)
+        if not kind.least_latency <= cycles <= MAXIMUM_LATENCY:
             raise ValueError(
                 f"latency of {name} must be from {kind.least_latency} to {MAXIMUM_LATENCY}, not {latency!r}")
-        self._operator = kind.make(self._latency)
-        super().__init__({
-            kind.new_data: In(1), "clk": In(1), "sclr": In(1), "ce": In(1), "rdy": Out(1),
-            **{port.name: In(port.width) for port in kind.operands}, kind.result.name: Out(kind.result.width)})
+        super().__init__(RankedOperator(kind, cycles), control=VENDOR_CONTROL)
 
     @property
     def kind(self):
         """What the vendor core of this name is."""
-        return self._kind
+        return self.component.kind
 
     @property
     def operator(self):
         """Our operator inside."""
-        return self._operator
-
-    @property
-    def latency(self):
-        """Cycles with ``ce`` high from the operands to their result."""
-        return self._latency
+        return self.component.operator
 
     @property
     def extra_ranks(self):
         """Register ranks behind our operator, up to ``latency``."""
-        return self._latency - self._operator.latency
+        return self.component.extra_ranks
+
+    @property
+    def ports(self):
+        """The ports in the vendor's order."""
+        new_data, *others = self.component.ports
+        return (new_data, *self.control.ports, *others)
 
     def compute(self, *operands):
         """Bit-exact software twin: arrays of float32, fixed point as integers, in the order of the ports."""
-        return self._kind.twin(self._operator, *operands)
-
-    def elaborate(self, platform):
-        m = Module()
-        kind, inner = self._kind, self._operator
-        # The reset of a clock domain does not ask for the enable: sclr overrides ce.
-        m.domains.sync = ClockDomain()
-        m.d.comb += [ClockSignal().eq(self.clk), ResetSignal().eq(self.sclr)]
-        m.submodules.operator = EnableInserter(self.ce)(inner)
-        m.d.comb += inner.start.eq(getattr(self, kind.new_data))
-        m.d.comb += [getattr(inner, member).eq(value) for member, value in kind.constants]
-        m.d.comb += [Value.cast(getattr(inner, port.member)).eq(getattr(self, port.name)) for port in kind.operands]
-
-        # Ranks that our operator has no use for follow it: results have fewer bits than operands.
-        valid, result = inner.done, Value.cast(getattr(inner, kind.result.member))
-        for rank in range(self.extra_ranks):
-            valid_q = Signal(name=f"valid_{rank}")
-            result_q = Signal(kind.result.width, name=f"result_{rank}", reset_less=True)
-            with m.If(self.ce):
-                m.d.sync += [valid_q.eq(valid), result_q.eq(result)]
-            valid, result = valid_q, result_q
-        m.d.comb += [self.rdy.eq(valid), getattr(self, kind.result.name).eq(result)]
-        return m
+        return self.kind.twin(self.operator, *operands)
 
 
 def _pipeline(make, **parameters):
@@ -200,17 +280,17 @@ def _recurrence(make):
     return fitting
 
 
-_A, _B = (VendorPort(name, name, 32, f"binary32, {name}") for name in "ab")
-_FLOAT = VendorPort("result", "result", 32, "binary32")
+_A, _B = (Port(name, In, 32, f"binary32, {name}") for name in "ab")
+_FLOAT = Port("result", Out, 32, "binary32")
 _ROUNDED = "Rounded to nearest, ties to even."
 _NANS = "Every NaN that comes out is 7fc00000."
 _KINDS = (
     VendorKind("add", "a + b", 11, 1, _pipeline(FpAdd, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
-               (_ROUNDED, "x - x is +0; infinity - infinity is NaN.", _NANS), constants=(("subtract", 0),)),
+               (_ROUNDED, "x - x is +0; infinity - infinity is NaN.", _NANS), constants={"subtract": 0}),
     VendorKind("sub", "a - b", 11, 1, _pipeline(FpAdd, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b, True), (_A, _B), _FLOAT,
-               (_ROUNDED, "x - x is +0; infinity - infinity is NaN.", _NANS), constants=(("subtract", 1),)),
+               (_ROUNDED, "x - x is +0; infinity - infinity is NaN.", _NANS), constants={"subtract": 1}),
     VendorKind("mult", "a * b", 6, 1, _pipeline(FpMultiply, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
                (_ROUNDED, "0 * infinity is NaN.", _NANS)),
@@ -222,28 +302,28 @@ _KINDS = (
                (_ROUNDED, "The root of -0 is -0, that of other negative numbers NaN.", _NANS)),
     VendorKind("equl", "a = b", 2, 1, _pipeline(FpCompare, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b).equal, (_A, _B),
-               VendorPort("result", "equal", 1, "1 if a = b"),
-               ("+0 equals -0; a NaN equals nothing.",)),
+               Port("result", Out, 1, "1 if a = b", vector=True),
+               ("+0 equals -0; a NaN equals nothing.",), members={"result": "equal"}),
     VendorKind("less", "a < b", 2, 1, _pipeline(FpCompare, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b).less, (_A, _B),
-               VendorPort("result", "less", 1, "1 if a < b"),
-               ("+0 is not above -0; a NaN is less than nothing, and nothing than it.",)),
+               Port("result", Out, 1, "1 if a < b", vector=True),
+               ("+0 is not above -0; a NaN is less than nothing, and nothing than it.",), members={"result": "less"}),
     VendorKind("fl32tofi16", "fixed point with 14 fraction bits from binary32", 6, 1,
                _pipeline(FpToFixed, format=FLUSHED32, width=16, fraction_bits=14),
                lambda op, a: op.compute(a), (_A,),
-               VendorPort("result", "result", 16, "two's complement, 14 fraction bits"),
+               Port("result", Out, 16, "two's complement, 14 fraction bits"),
                (_ROUNDED, "What exceeds the range becomes the nearest end of it, infinities included.",
                 "NaN becomes the largest number.")),
     VendorKind("fi16tofl32", "binary32 from fixed point with 13 fraction bits", 6, 1,
                _pipeline(FixedToFp, format=FLUSHED32, width=16, fraction_bits=13),
                lambda op, a: op.compute(a),
-               (VendorPort("a", "operand", 16, "two's complement, 13 fraction bits"),), _FLOAT,
-               ("Exact.", "0 becomes +0.")),
+               (Port("a", In, 16, "two's complement, 13 fraction bits"),), _FLOAT,
+               ("Exact.", "0 becomes +0."), members={"a": "operand"}),
     VendorKind("atan", "angle from the x axis to (x_in, y_in), rad", FixedAtan2.DEFAULT_LATENCY, 1,
                _pipeline(FixedAtan2), lambda op, x_in, y_in: op.compute(y_in, x_in),
-               (VendorPort("x_in", "x_in", 16, "two's complement, 14 fraction bits"),
-                VendorPort("y_in", "y_in", 16, "two's complement, 14 fraction bits")),
-               VendorPort("phase_out", "phase_out", 16, "two's complement, 13 fraction bits, rad"),
+               (Port("x_in", In, 16, "two's complement, 14 fraction bits"),
+                Port("y_in", In, 16, "two's complement, 14 fraction bits")),
+               Port("phase_out", Out, 16, "two's complement, 13 fraction bits, rad"),
                ("Within 0.73 * 2^-13 rad, however short the vector.", "All four quadrants, -pi to pi.",
                 "The angle of (0, 0) is 0."), new_data="nd"),
 )

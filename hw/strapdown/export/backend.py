@@ -1,13 +1,14 @@
-"""From a component to Verilog text: Amaranth's backend with its own Yosys, then made readable."""
+"""From a component to Verilog text: Amaranth's backend with its own Yosys, then the steps that follow it."""
 
 import os
+import re
 from contextlib import contextmanager
 
 from amaranth.back import verilog
 
 from .tidy import tidy
 
-__all__ = ["to_verilog"]
+__all__ = ["as_vectors", "run_at_time_zero", "to_verilog"]
 
 CHOICE = "AMARANTH_USE_YOSYS"
 
@@ -21,8 +22,29 @@ def to_verilog(component, name):
     name : str
         Name of the top module.
     """
+    # Tidied under a name that no signal has: a signal ``less`` may be in a module ``less``.
+    top = f"top_{name}"
     with _builtin_yosys():
-        return tidy(verilog.convert(component, name=name, emit_src=False, strip_internal_attrs=True))
+        text = verilog.convert(component, name=top, emit_src=False, strip_internal_attrs=True)
+    return run_at_time_zero(tidy(text)).replace(top, name)
+
+
+def run_at_time_zero(text):
+    """Verilog whose combinational blocks run once at the start of a simulation, as SystemVerilog too.
+
+    The backend lists a variable in them that is initialised where it is declared. That is an event
+    in Verilog only; SystemVerilog initialises before any process waits. So the variable changes again.
+    """
+    return re.sub(r"^  reg initial_trigger += 0;\n",
+                  "  reg initial_trigger = 0;\n  initial initial_trigger <= 1;\n", text, flags=re.MULTILINE)
+
+
+def as_vectors(text, names):
+    """Verilog whose first module declares ports of one bit as vectors, ``[0:0]``."""
+    top, end, rest = text.partition("endmodule\n")
+    for name in names:
+        top = re.sub(rf"^  (input|output|wire|reg) (?={name}\b)", r"  \1 [0:0] ", top, flags=re.MULTILINE)
+    return top + end + rest
 
 
 @contextmanager

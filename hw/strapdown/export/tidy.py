@@ -51,8 +51,7 @@ def tidy(text):
 
 
 def _tidy_module(text, submodules):
-    for step in (lambda text: _plain_identifiers(text, submodules), _awake_at_time_zero, _named_slices,
-                 _without_aliases, _without_unread):
+    for step in (lambda text: _plain_identifiers(text, submodules), _named_slices, _without_aliases, _without_unread):
         text = step(text)
     return text
 
@@ -81,16 +80,6 @@ def _plain_identifiers(text, submodules):
     # The space that ends an escaped identifier goes with it, unless it parts two words.
     text = re.sub(r"\\(\S+) (?=[\w(])", lambda match: plain(match) + " ", text)
     return re.sub(r"\\(\S+) ", plain, text)
-
-
-def _awake_at_time_zero(text):
-    """Combinational blocks that run once at the start of a simulation, in Verilog and in SystemVerilog.
-
-    The backend lists a variable in them that is initialised where it is declared. That is an event
-    in Verilog only; SystemVerilog initialises before any process waits.
-    """
-    return re.sub(r"^  reg initial_trigger += 0;\n",
-                  "  reg initial_trigger = 0;\n  initial initial_trigger <= 1;\n", text, flags=re.MULTILINE)
 
 
 def _named_slices(text):

@@ -4,10 +4,10 @@ from functools import reduce
 from operator import or_
 
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .microprogram import Microprogram
 from .pool import MemoryStyle
 from .schedule import schedule
@@ -17,7 +17,7 @@ __all__ = ["Engine"]
 REFUSED, IGNORED = "refused", "ignored"
 
 
-class Engine(wiring.Component):
+class Engine(SystemComponent):
     """A system's equations on a pool of operators, one update a start.
 
     Parameters
@@ -53,23 +53,46 @@ class Engine(wiring.Component):
     def __init__(self, system, pool):
         self._system = system
         self._program = Microprogram(schedule(system.trace(pool), pool))
-        width, encode = pool.format.width, pool.format.encode
-        members = {system.start: In(1), system.finish: Out(1)}
-        members |= {port: In(width) for port in system.input_ports}
-        members |= {port: Out(width, init=encode(value)) for port, value in self.reset_outputs.items()}
-        if self.status_names:
-            members[system.status_port] = Out(len(self.status_names))
-        super().__init__(members)
-
-    @property
-    def system(self):
-        """Equations and interface."""
-        return self._system
+        super().__init__({port.name: port.member for port in self.ports})
 
     @property
     def program(self):
         """The microprogram."""
         return self._program
+
+    @property
+    def ports(self):
+        """The ports, in the order of the module."""
+        system, format, meanings = self._system, self._program.format, self._system.port_meanings
+        return (Port(system.start, In, 1, "starts an update"),
+                Port(system.finish, Out, 1, "high when the outputs are valid"),
+                *(Port(name, In, format.width, meanings[name]) for name in system.input_ports),
+                *(Port(name, Out, format.width, meanings[name], init=format.encode(value))
+                  for name, value in self.reset_outputs.items()),
+                *status_ports(system, self.status_names))
+
+    @property
+    def sections(self):
+        """Timing, states and microprogram, for the header of a Verilog file."""
+        system, schedule = self._system, self._program.schedule
+        firsts = (0, *(end + 1 for end in schedule.section_ends))
+        spans = [f"cycles {first} to {end}" for first, end in zip(firsts, schedule.section_ends, strict=False)]
+        last = f"cycle {firsts[-1]}: shows the outputs" + (", turns the state's banks" if system.state else "")
+        timing = (
+            f"{system.start} is sampled at the rising edge of clk while the core is idle, together with all inputs, "
+            f"which may change afterwards. {system.finish} falls at that edge and rises {self.latency} cycles later, "
+            "in every update, with all outputs, which then hold. A new start can be taken at the next edge.")
+        return (Section("TIMING", paragraphs=(timing,)),
+                Section("SEQUENCER (engine.state)", rows=tuple(
+                    zip(range(len(self.state_names)), self.state_names, ("waits for a start", *spans, last),
+                        strict=True))),
+                *program_sections(self._program))
+
+    @property
+    def facts(self):
+        """Figures as JSON values."""
+        return {"states": list(self.state_names), "operand_memory_words": self._program.used,
+                **program_facts(self._program, self.status_names)}
 
     @property
     def reset_outputs(self):

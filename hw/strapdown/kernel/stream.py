@@ -3,11 +3,11 @@
 from itertools import pairwise
 
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
+from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .modulo import modulo_schedule
 from .stream_program import PLAIN, TURNED, StreamProgram
 
@@ -16,7 +16,7 @@ __all__ = ["StreamEngine"]
 READY, IN_CHANNEL, OUT_CHANNEL, REFUSED = "in_ready", "in_channel", "out_channel", "refused"
 
 
-class StreamEngine(wiring.Component):
+class StreamEngine(SystemComponent):
     """A system's equations for several channels on one pool of operators, an update every ``interval`` cycles.
 
     Parameters
@@ -59,18 +59,7 @@ class StreamEngine(wiring.Component):
     def __init__(self, system, pool, *, channels, interval):
         self._system = system
         self._program = StreamProgram(modulo_schedule(system.trace(pool), pool, interval), channels)
-        width, channel = pool.format.width, exact_log2(channels)
-        super().__init__({
-            system.start: In(1), READY: Out(1), IN_CHANNEL: In(channel),
-            **{port: In(width) for port in system.input_ports},
-            system.finish: Out(1), OUT_CHANNEL: Out(channel),
-            **{port: Out(width) for port in system.output_ports},
-            system.status_port: Out(len(self.status_names))})
-
-    @property
-    def system(self):
-        """Equations and interface."""
-        return self._system
+        super().__init__({port.name: port.member for port in self.ports})
 
     @property
     def program(self):
@@ -81,6 +70,42 @@ class StreamEngine(wiring.Component):
     def latency(self):
         """Cycles from the edge that takes a sample to the one that raises its finish."""
         return self._program.schedule.commit + 1
+
+    @property
+    def ports(self):
+        """The ports, in the order of the module."""
+        system, program, meanings = self._system, self._program, self._system.port_meanings
+        width, channel = program.format.width, exact_log2(program.channels)
+        return (Port(system.start, In, 1, "offers a sample"),
+                Port(READY, Out, 1, "high when an offered sample is taken; depends on in_channel"),
+                Port(IN_CHANNEL, In, channel, "whose sample it is"),
+                *(Port(name, In, width, meanings[name]) for name in system.input_ports),
+                Port(system.finish, Out, 1, "high for one cycle with new outputs"),
+                Port(OUT_CHANNEL, Out, channel, "whose outputs and status they are"),
+                *(Port(name, Out, width, meanings[name]) for name in system.output_ports),
+                *status_ports(system, self.status_names))
+
+    @property
+    def sections(self):
+        """Timing and microprogram, for the header of a Verilog file."""
+        system = self._system
+        timing = (
+            f"A sample is taken at a rising edge of clk with {system.start} and {READY} high, with all inputs, which "
+            f"may change afterwards. {READY} is high in one cycle in {self.interval}, and if nothing is under way "
+            "then, until a sample comes; but never for a channel whose last sample is under way. "
+            f"{system.finish} rises {self.latency} cycles after that edge, for every sample, and is high for one "
+            "cycle; samples finish in order. Outputs hold until the next finish. An update that is refused changes "
+            "neither the outputs nor its channel's state.")
+        return Section("TIMING", paragraphs=(timing,)), *program_sections(self._program)
+
+    @property
+    def facts(self):
+        """Figures as JSON values."""
+        program = self._program
+        return {"channels": program.channels, "interval_cycles": self.interval,
+                "updates_under_way": program.schedule.stages,
+                "main_memory_words": program.depth, "side_memory_words": program.side_depth,
+                **program_facts(program, self.status_names)}
 
     @property
     def interval(self):

@@ -84,6 +84,12 @@ class System:
         """Names of the data outputs, in order."""
         return tuple(leaves(self.outputs))
 
+    @property
+    def port_meanings(self):
+        """Data port to its meaning, unit and frame."""
+        return {port: self.meanings.get(name, "") for group in (self.inputs, self.outputs)
+                for name, tree in group.items() for port in leaves(tree)}
+
     def trace(self, pool):
         """The graph of the equations, in the operations and the format of a pool."""
         xp = Tracer(pool, self.sections)

@@ -1,0 +1,204 @@
+# amaranth: UnusedElaboratable=no
+# A component tells its latency and its ports without being elaborated.
+"""From an engine to a Verilog module: wrappers around it, and the top that adds clock and reset."""
+
+from dataclasses import dataclass
+
+from amaranth import *
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In
+
+from strapdown.kernel.description import Port
+
+__all__ = ["Control", "Top", "Wrapper", "through"]
+
+
+def through(outer, inner, names):
+    """Statements that connect ports of a component to those of one inside it.
+
+    Parameters
+    ----------
+    outer, inner : wiring.Component
+        Both with members of the same flow and width.
+    names : dict
+        Member of ``outer`` to the member of ``inner`` that it is.
+    """
+    for outside, inside in names.items():
+        here, there = Value.cast(getattr(outer, outside)), Value.cast(getattr(inner, inside))
+        yield there.eq(here) if outer.signature.members[outside].flow == In else here.eq(there)
+
+
+class Wrapper(wiring.Component):
+    """An engine in a module with more, or other, ports; with the engine's ports alone if nothing else is said.
+
+    A wrapper works in the clock domain ``sync``. One of its own kind extends ``elaborate``, which
+    gives the Module that holds the engine, and says of itself what differs from the engine:
+    ``sections`` and ``facts``, if its header is to tell more.
+
+    Parameters
+    ----------
+    engine : wiring.Component
+        An engine or another wrapper: something with ``name``, ``title``, ``system``, ``ports``, ``latency``,
+        ``equations``, ``sections`` and ``facts``, in the clock domain ``sync``.
+    name, title : str or None
+        Name of the Verilog module, and one line on what it does; None means the engine's.
+    added : tuple of Port
+        Ports that follow those of the engine.
+    hidden : tuple of str
+        Ports of the engine that end here. An input stays at zero, if nothing drives it.
+
+    Members
+    -------
+    The engine's but ``hidden``, and ``added``.
+
+    Latency: the engine's.
+    Raises: ValueError if the engine does not have a port that is to be hidden.
+    """
+
+    def __init__(self, engine, *, name=None, title=None, added=(), hidden=()):
+        self._engine = engine
+        self._name, self._title = name or engine.name, title or engine.title
+        if unknown := set(hidden) - {port.name for port in engine.ports}:
+            raise ValueError(f"{engine.name} has no port {', '.join(sorted(unknown))} to hide")
+        self._passed = {port.name: port.name for port in engine.ports if port.name not in hidden}
+        self._ports = (*(port for port in engine.ports if port.name in self._passed), *added)
+        super().__init__({port.name: port.member for port in self._ports})
+
+    @property
+    def engine(self):
+        """What is wrapped."""
+        return self._engine
+
+    @property
+    def name(self):
+        """Name of the Verilog module."""
+        return self._name
+
+    @property
+    def title(self):
+        """One line on what it does."""
+        return self._title
+
+    @property
+    def system(self):
+        """Equations and interface of the engine."""
+        return self._engine.system
+
+    @property
+    def ports(self):
+        """The ports, in the order of the module."""
+        return self._ports
+
+    @property
+    def latency(self):
+        """Cycles from the edge that takes the start to the one that raises the finish."""
+        return self._engine.latency
+
+    @property
+    def equations(self):
+        """The functions whose docstrings the header quotes."""
+        return self._engine.equations
+
+    @property
+    def sections(self):
+        """Sections of the header that follow the table of ports."""
+        return self._engine.sections
+
+    @property
+    def facts(self):
+        """Figures as JSON values."""
+        return self._engine.facts
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.engine = self._engine
+        m.d.comb += through(self, self._engine, self._passed)
+        return m
+
+
+@dataclass(frozen=True)
+class Control:
+    """Ports of a top that belong to its clock domain.
+
+    Attributes
+    ----------
+    clock : Port
+        Rising edge.
+    reset : Port
+    reset_level : int
+        Level of ``reset`` that resets.
+    asynchronous : bool
+        Whether the reset acts without a clock edge.
+    enable : Port or None
+        Clock enable: while it is low, registers hold, unless the reset acts.
+    """
+
+    clock: Port = Port("clk", In, 1, "clock, rising edge")
+    reset: Port = Port("rst_n", In, 1, "reset, active low, asynchronous")
+    reset_level: int = 0
+    asynchronous: bool = True
+    enable: Port | None = None
+
+    @property
+    def ports(self):
+        """The ports, in the order of the module."""
+        return (self.clock, self.reset, *((self.enable,) if self.enable else ()))
+
+
+class Top(wiring.Component):
+    """A component as a Verilog module of its own: its ports, clock and reset.
+
+    A top has no logic and no level of hierarchy: it is the component's own module, whose ports
+    are the top's, with its clock domain.
+
+    Parameters
+    ----------
+    component : wiring.Component
+        A Wrapper, or what else has its attributes, in the clock domain ``sync``.
+    control : Control
+        Ports of clock and reset.
+
+    Members
+    -------
+    clk, rst_n : In(1)
+        Clock, rising edge; reset, active low, asynchronous. A ``control`` may have others.
+    All others are the component's.
+
+    Latency: ``latency`` clock cycles, the component's.
+    """
+
+    def __init__(self, component, *, control=Control()):
+        self._component, self._control = component, control
+        super().__init__({port.name: port.member for port in self.ports})
+        vars(self).update({name: getattr(component, name) for name in component.signature.members})
+
+    @property
+    def component(self):
+        """What the module holds."""
+        return self._component
+
+    @property
+    def control(self):
+        """Ports of clock and reset."""
+        return self._control
+
+    @property
+    def ports(self):
+        """The ports, in the order of the module."""
+        return (*self._control.ports, *self._component.ports)
+
+    @property
+    def latency(self):
+        """Latency of the component in clock cycles."""
+        return self._component.latency
+
+    def elaborate(self, platform):
+        control, component = self._control, self._component
+        reset = getattr(self, control.reset.name)
+        if control.enable:
+            component = EnableInserter(getattr(self, control.enable.name))(component)
+        fragment = Fragment.get(component, platform)
+        fragment.add_domains(ClockDomain("sync", async_reset=control.asynchronous))
+        fragment.add_statements("comb", [ClockSignal().eq(getattr(self, control.clock.name)),
+                                         ResetSignal().eq(reset if control.reset_level else ~reset)])
+        return fragment

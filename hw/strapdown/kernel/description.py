@@ -1,0 +1,116 @@
+"""What a component says of itself: ports with their meaning, and the sections of a file's header."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from amaranth.lib import wiring
+from amaranth.lib.wiring import Flow, In, Out
+
+__all__ = ["Port", "Section", "program_facts", "program_sections", "SystemComponent", "status_ports"]
+
+
+@dataclass(frozen=True)
+class Port:
+    """A port of a component.
+
+    Attributes
+    ----------
+    name : str
+        Name of the member, and of the port in Verilog.
+    flow : In or Out
+        Direction.
+    width : int
+        Bits.
+    meaning : str
+        Meaning, unit and frame, for headers and documents.
+    init : int
+        Value of an output after a reset.
+    vector : bool
+        Whether Verilog declares a port of one bit as a vector, ``[0:0]``.
+    """
+
+    name: str
+    flow: Flow
+    width: int
+    meaning: str
+    init: int = 0
+    vector: bool = False
+
+    @property
+    def member(self):
+        """The port as a member of a signature."""
+        return self.flow(self.width, init=self.init)
+
+    @property
+    def direction(self):
+        """Direction as Verilog calls it: input or output."""
+        return "input" if self.flow is In else "output"
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the header of a Verilog file.
+
+    Attributes
+    ----------
+    title : str
+    paragraphs : tuple of str
+        Text; lines are broken where the header needs it.
+    rows : tuple of tuple
+        Cells of a table.
+    program : object or None
+        A microprogram to list.
+    """
+
+    title: str
+    paragraphs: tuple[str, ...] = ()
+    rows: tuple[tuple[Any, ...], ...] = ()
+    program: Any = None
+
+
+class SystemComponent(wiring.Component):
+    """Base of the engines: a component whose equations and interface are those of a System."""
+
+    _system: Any
+
+    @property
+    def system(self):
+        """Equations and interface."""
+        return self._system
+
+    @property
+    def name(self):
+        """Name of the Verilog module."""
+        return self._system.name
+
+    @property
+    def title(self):
+        """One line on what it does."""
+        return self._system.title
+
+    @property
+    def equations(self):
+        """The functions whose docstrings explain the equations."""
+        return self._system.kernels
+
+
+def status_ports(system, names):
+    """The port of the status bits ``names``, lowest first, of a system that has one, as a tuple of Port."""
+    if not system.status_port:
+        return ()
+    bits = ", ".join(f"{bit} {name.replace('_', ' ')}" for bit, name in enumerate(names))
+    return (Port(system.status_port, Out, len(names), f"status bits: {bits}"),)
+
+
+def program_sections(program):
+    """Sections on the operators and the words of a microprogram."""
+    return (Section("OPERATORS", rows=tuple(
+                (unit.name, f"latency {unit.latency}, interval {unit.interval}", ", ".join(unit.operations))
+                for unit in program.units)),
+            Section("MICROPROGRAM", program=program))
+
+
+def program_facts(program, status_names):
+    """Figures of a microprogram, and the names of the status bits, as JSON values."""
+    return {"status_bits": list(status_names), "operations": program.schedule.graph.count(),
+            "microprogram": {"words": program.length, "width": program.layout.size}}
