@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from strapdown.cli import main
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
-from strapdown.export import operator_text
+from strapdown.export import verilog_text
 from strapdown_sim.drivers.toolchain import SimulatorMissingError, icarus_missing, run_tool
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
@@ -233,7 +233,7 @@ def test_ports_are_those_of_the_vendor_core(folder, name):
 @pytest.mark.parametrize("name", ["equl", "less"])
 @pytest.mark.parametrize("latency", [2, 5])
 def test_a_bit_of_result_is_a_vector_of_one(name, latency):
-    top = operator_text(VendorOperator(name, latency=latency)).split("endmodule")[0]
+    top = verilog_text(VendorOperator(name, latency=latency)).split("endmodule")[0]
     assert "  output [0:0] result;\n" in top
     assert not re.search(r"^  (output|wire|reg) result\b", top, re.MULTILINE)
 
@@ -256,9 +256,9 @@ def test_folder_holds_ten_files_with_descriptions(folder):
 def test_two_runs_give_equal_bytes(folder, tmp_path):
     # Another process with another hash seed: no order may come from a hash.
     names = ("add", "less", "atan")
-    script = ("import sys; from pathlib import Path; from strapdown.export import write_operator;"
+    script = ("import sys; from pathlib import Path; from strapdown.export import write;"
               "from strapdown.cores.operators import VendorOperator\n"
-              "for name in sys.argv[2:]: write_operator(VendorOperator(name), Path(sys.argv[1]), "
+              "for name in sys.argv[2:]: write(VendorOperator(name), Path(sys.argv[1]), command="
               "'strapdown operators DIRECTORY')")
     subprocess.run([sys.executable, "-c", script, str(tmp_path), *names], check=True,
                    env=os.environ | {"PYTHONHASHSEED": "42"})

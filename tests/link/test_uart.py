@@ -16,8 +16,10 @@ from click.testing import CliRunner
 from strapdown.cli import main
 from strapdown.config import SINS
 from strapdown.config.sins import DOUBLE_POOL
-from strapdown.cores import Core, UartCore
-from strapdown.export import write_link
+from strapdown.cores import Top, UartLink
+from strapdown.export import write
+from strapdown.fp import BINARY16, Subnormals
+from strapdown.kernel.engine import Engine
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System
 from strapdown.link import LAYOUT, NAVIGATION, FrameSender, UartTransmitter, frame_size
@@ -51,7 +53,7 @@ HALVES = System("HALVES", "halves", halves, inputs={"numbers": tuple(f"in_{name}
 
 def linked(pool, **changes):
     parameters = {"sample_rate_hz": 50, "clock_hz": DIVISOR * BAUD, "baud_rate": BAUD} | changes
-    return UartCore(Core(HALVES, pool), **parameters)
+    return Top(UartLink(Engine(HALVES, pool), **parameters))
 
 
 class Lines(wiring.Component):
@@ -98,8 +100,8 @@ def lines(models, tmp_path_factory):
 def core(models, tmp_path_factory):
     """A core with its link, from the file that a user gets."""
     core = linked(DOUBLE_POOL)
-    path = write_link(core, SINS, tmp_path_factory.mktemp("core"), "as in this test")
-    return core, verilated(path, Interface("SINS_uart", ("in_en", *HALVES.input_ports),
+    path = write(core, tmp_path_factory.mktemp("core"), command="as in this test", config=SINS)
+    return core, verilated(path, Interface("HALVES_uart", ("in_en", *HALVES.input_ports),
                                            ("uart_tx", "out_finish", "out_link_overrun")), models)
 
 
@@ -204,11 +206,11 @@ def test_counter_wraps(lines):
 @pytest.mark.verilator
 def test_core_sends_what_it_found(core, tmp_path):
     core, model = core
-    fmt = core.core.engine.program.format
+    fmt = core.component.engine.program.format
     rng = np.random.default_rng(3)
-    count, period = 12, core.sender.interval + 30
+    count, period = 12, core.component.sender.interval + 30
     numbers = fmt.from_bits(fmt.to_bits(rng.normal(0, 1e3, (count, len(NAMES)))))
-    start = np.zeros(count * period + core.core.latency, dtype=np.uint64)
+    start = np.zeros(count * period + core.latency, dtype=np.uint64)
     start[:count * period:period] = 1
     # Inputs are there for one cycle only: what is sent is what the core found, not what stands at its inputs.
     stimulus = {"in_en": start}
@@ -222,7 +224,7 @@ def test_core_sends_what_it_found(core, tmp_path):
     assert set(status) == {0, 1, 2, 3}
     assert got == b"".join(frame(counter, status[counter], numbers[counter] / 2, dtype) for counter in range(count))
     rises = np.flatnonzero(np.diff(answer["out_finish"].astype(int)) == 1) + 1
-    np.testing.assert_array_equal(starts[::core.sender.size], rises + 2)
+    np.testing.assert_array_equal(starts[::core.component.sender.size], rises + 2)
     assert not answer["out_link_overrun"].any()
 
     # And on to the file that a user gets, in every bit.
@@ -238,7 +240,7 @@ def test_core_sends_what_it_found(core, tmp_path):
 @pytest.mark.verilator
 def test_core_that_is_faster_than_its_line(core):
     core, model = core
-    latency, interval = core.core.latency, core.sender.interval
+    latency, interval = core.latency, core.component.sender.interval
     starts = np.arange(0, interval - 1, latency + 2)
     # All but the first finish while its frame is sent; one more comes when that has gone.
     start = np.zeros(2 * interval + 3 * latency, dtype=np.uint64)
@@ -258,15 +260,20 @@ def test_frame_must_fit_into_the_sample_period():
     with pytest.raises(ValueError, match=r"^a frame of 81 bytes takes 0.879 ms at 921600 baud, longer than the sample "
                                          r"period of 0.833 ms$"):
         linked(DOUBLE_POOL, sample_rate_hz=1200)
-    assert linked(DOUBLE_POOL, sample_rate_hz=1130).sender.size == 81
-    assert linked(Pool(), sample_rate_hz=1200).sender.size == 45
+    assert linked(DOUBLE_POOL, sample_rate_hz=1130).component.sender.size == 81
+    assert linked(Pool(), sample_rate_hz=1200).component.sender.size == 45
+
+
+def test_a_frame_holds_binary32_or_binary64():
+    with pytest.raises(ValueError, match=r"^a frame holds binary32 or binary64, not binary16$"):
+        linked(Pool(format=BINARY16.with_subnormals(Subnormals.FLUSH)))
 
 
 def test_description_has_the_ports_of_the_verilog(tmp_path):
     core = linked(Pool())
-    path = write_link(core, SINS, tmp_path, "as in this test")
+    path = write(core, tmp_path, command="as in this test", config=SINS)
     facts = json.loads(path.with_suffix(".json").read_text())
-    top = path.read_text().split("module SINS_uart(")[1].split("endmodule")[0]
+    top = path.read_text().split("module HALVES_uart(")[1].split("endmodule")[0]
     ports = re.findall(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);", top, re.MULTILINE)
     declared = {name: (direction, int(high or 0) + 1) for direction, high, name in ports}
     assert {port["name"]: (port["direction"], port["width"]) for port in facts["ports"]} == declared
@@ -276,7 +283,7 @@ def test_description_has_the_ports_of_the_verilog(tmp_path):
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    (["--config", "flight"], "a link needs a configuration of SINS_top, and flight is of INS_flight"),
+    (["--config", "flight"], "no type of frame holds the outputs of INS_flight: 1 holds latitude, longitude, height, "),
     (["--set", "sample_rate_hz=0"], "configuration sins: sample_rate_hz must be greater than 0"),
 ])
 def test_mistakes_end_in_one_line(tmp_path, monkeypatch, arguments, message):

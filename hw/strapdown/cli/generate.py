@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from strapdown.config import SINS, SinsConfig
-from strapdown.cores import main_module, modules_of, sins_uart
+from strapdown.config import SINS
+from strapdown.cores import modules_of, uart_core
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
-from strapdown.export import write_core, write_link, write_operator
+from strapdown.export import write, write_core
 
 from .common import UserError, changed, config_options, core_of, named_configuration, target_of, writing
 
@@ -63,7 +63,7 @@ def operators(directory, latencies):
         name, latency = vendor.kind.name, vendor.latency
         option = "" if latency == vendor.kind.latency else f" --latency {name}={latency}"
         with writing(directory):
-            path = write_operator(vendor, directory, f"strapdown operators DIRECTORY{option}")
+            path = write(vendor, directory, command=f"strapdown operators DIRECTORY{option}")
         click.echo(f"{path}  {latency} cycles")
 
 
@@ -80,14 +80,12 @@ def operators(directory, latencies):
 def link(directory, config_name, changes, clock_hz, baud_rate):
     """Write SINS_uart, which is SINS_top with a serial link, to the folder DIRECTORY."""
     config = changed(named_configuration(config_name), changes)
-    if not isinstance(config, SinsConfig):
-        raise UserError(f"a link needs a configuration of SINS_top, and {config_name} is of {main_module(config)}")
     try:
-        linked = sins_uart(config, clock_hz=clock_hz, baud_rate=baud_rate)
+        linked = uart_core(config, clock_hz=clock_hz, baud_rate=baud_rate)
     except ValueError as error:
         raise UserError(str(error)) from None
     options = "".join(f" --set {change}" for change in changes)
     command = f"strapdown link DIRECTORY --config {config_name}{options} --clock-hz {clock_hz:.15g} --baud {baud_rate}"
     with writing(directory):
-        path = write_link(linked, config, directory, command)
-    click.echo(f"{path}  {linked.core.latency} cycles, frame {1000 * linked.sender.interval / clock_hz:.3g} ms")
+        path = write(linked, directory, command=command, config=config)
+    click.echo(f"{path}  {linked.latency} cycles, frame {1000 * linked.component.sender.interval / clock_hz:.3g} ms")

@@ -8,3 +8,4 @@ from .link import *
 from .quaternion import *
 from .sins import *
 from .stream import *
+from .top import *

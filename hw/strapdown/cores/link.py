@@ -8,7 +8,7 @@ from amaranth.lib.wiring import Out
 from strapdown.kernel.description import Port, Section
 from strapdown.link import FRAME_TYPES, LAYOUT, FrameSender
 
-from .catalogue import main_module, make_core
+from .catalogue import main_module, make_core, system_of
 from .top import Top, Wrapper
 
 __all__ = ["UartLink", "uart_core"]
@@ -68,7 +68,7 @@ class UartLink(Wrapper):
     @property
     def equations(self):
         """None: the header of the core without the link quotes them."""
-        return ()
+        return None
 
     @property
     def sections(self):
@@ -105,14 +105,21 @@ class UartLink(Wrapper):
 
 
 def _frame_type(system):
-    """The kind of frame that holds a system's outputs."""
+    """The type of frame that holds a system's outputs, and its status."""
     for kind in FRAME_TYPES.values():
-        if {f"out_{quantity.name}" for quantity in kind.quantities} <= {*system.output_ports}:
+        if system.status_port and {f"out_{quantity.name}" for quantity in kind.quantities} <= {*system.output_ports}:
             return kind
-    raise ValueError(f"no frame holds the outputs of {system.name}")
+    kinds = "; ".join(f"{kind.number} holds {', '.join(quantity.name for quantity in kind.quantities)}"
+                      for kind in FRAME_TYPES.values())
+    raise ValueError(f"no type of frame holds the outputs of {system.name}: {kinds}")
 
 
 def uart_core(config, *, clock_hz, baud_rate):
-    """A Top with the main module of a configuration and its UartLink: SINS_uart for a SinsConfig. Raises: as UartLink."""
-    engine = make_core(main_module(config), config).engine
+    """The main module of a configuration with its UartLink, as a Top: SINS_uart for a SinsConfig.
+
+    Raises: ValueError, as UartLink.
+    """
+    module = main_module(config)
+    _frame_type(system_of(module, config))  # before the time to schedule it is spent
+    engine = make_core(module, config).engine
     return Top(UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate))

@@ -27,7 +27,7 @@ from strapdown.fp import (
 )
 from strapdown.kernel.description import Port, Section
 
-from .top import Control, Top, through
+from .top import CLOCK, Control, Top, through
 
 __all__ = ["RankedOperator", "VENDOR_OPERATORS", "VendorKind", "VendorOperator"]
 
@@ -39,7 +39,7 @@ MAXIMUM_LATENCY = 64
 
 
 VENDOR_CONTROL = Control(
-    reset=Port("sclr", In, 1, "synchronous clear, overrides ce"), reset_level=1, asynchronous=False,
+    CLOCK, Port("sclr", In, 1, "synchronous clear, overrides ce"), reset_level=1, asynchronous=False,
     enable=Port("ce", In, 1, "clock enable"))
 """Clock, clear and enable of the vendor's cores. The reset of a clock domain overrides the enable, as sclr does ce."""
 
@@ -161,7 +161,7 @@ class RankedOperator(wiring.Component):
     @property
     def equations(self):
         """None."""
-        return ()
+        return None
 
     @property
     def sections(self):

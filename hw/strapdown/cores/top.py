@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In
 
 from strapdown.kernel.description import Port
 
-__all__ = ["Control", "Top", "Wrapper", "through"]
+__all__ = ["CLOCK", "CORE_CONTROL", "Control", "Top", "Wrapper", "through"]
 
 
 def through(outer, inner, names):
@@ -118,13 +118,12 @@ class Wrapper(wiring.Component):
 
 @dataclass(frozen=True)
 class Control:
-    """Ports of a top that belong to its clock domain.
+    """Ports of a top that belong to its clock domain, and what they do.
 
     Attributes
     ----------
-    clock : Port
-        Rising edge.
-    reset : Port
+    clock, reset : Port
+        The clock acts at its rising edge.
     reset_level : int
         Level of ``reset`` that resets.
     asynchronous : bool
@@ -133,16 +132,22 @@ class Control:
         Clock enable: while it is low, registers hold, unless the reset acts.
     """
 
-    clock: Port = Port("clk", In, 1, "clock, rising edge")
-    reset: Port = Port("rst_n", In, 1, "reset, active low, asynchronous")
-    reset_level: int = 0
-    asynchronous: bool = True
+    clock: Port
+    reset: Port
+    reset_level: int
+    asynchronous: bool
     enable: Port | None = None
 
     @property
     def ports(self):
         """The ports, in the order of the module."""
         return (self.clock, self.reset, *((self.enable,) if self.enable else ()))
+
+
+CLOCK = Port("clk", In, 1, "clock, rising edge")
+CORE_CONTROL = Control(CLOCK, Port("rst_n", In, 1, "reset, active low, asynchronous"), reset_level=0,
+                       asynchronous=True)
+"""Clock and reset of the cores."""
 
 
 class Top(wiring.Component):
@@ -167,7 +172,7 @@ class Top(wiring.Component):
     Latency: ``latency`` clock cycles, the component's.
     """
 
-    def __init__(self, component, *, control=Control()):
+    def __init__(self, component, *, control=CORE_CONTROL):
         self._component, self._control = component, control
         super().__init__({port.name: port.member for port in self.ports})
         vars(self).update({name: getattr(component, name) for name in component.signature.members})
@@ -199,6 +204,10 @@ class Top(wiring.Component):
             component = EnableInserter(getattr(self, control.enable.name))(component)
         fragment = Fragment.get(component, platform)
         fragment.add_domains(ClockDomain("sync", async_reset=control.asynchronous))
-        fragment.add_statements("comb", [ClockSignal().eq(getattr(self, control.clock.name)),
-                                         ResetSignal().eq(reset if control.reset_level else ~reset)])
+        # Clock and reset stand first, before what uses them.
+        own, fragment.statements = fragment.statements, {}
+        fragment.add_statements("comb", ClockSignal().eq(getattr(self, control.clock.name)),
+                                ResetSignal().eq(reset if control.reset_level else ~reset))
+        for domain, statements in own.items():
+            fragment.add_statements(domain, statements)
         return fragment
