@@ -15,7 +15,7 @@ from strapdown_sim.recordings import RecordingError
 
 from .report.cores import CORES
 from .report.measure import core_design, measure, operator_design, provenance
-from .report.operators import OPERATORS
+from .report.operators import MEASURED
 from .report.report import write_cores, write_operators, write_page
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
@@ -43,15 +43,15 @@ def report(operators, cores, only, config_names, place, output, build):
     Answers are kept, so that a run that was cut off goes on where it was.
     """
 
-    names = list(dict.fromkeys(entry.operator for entry in OPERATORS))
+    names = list(dict.fromkeys(entry.operator for entry in MEASURED))
     if unknown := [name for name in only if name not in names]:
         raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
     operators, cores = bool(operators or only), bool(cores or config_names)
     everything = operators == cores
-    chosen = {
+    chosen: dict[str, list] = {
         "cores": [entry for entry in CORES if not config_names or entry.config.name in config_names]
         if cores or everything else [],
-        "operators": [entry for entry in OPERATORS if not only or entry.operator in only]
+        "operators": [entry for entry in MEASURED if not only or entry.operator in only]
         if operators or everything else []}
     designs: dict[str, Callable] = {"cores": partial(core_design, build=build), "operators": operator_design}
     cache = Cache(build / "report" / "cache")

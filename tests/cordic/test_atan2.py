@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Arctangent and length: the circuit against its twin, and the twin against wider arithmetic."""
 
 import re

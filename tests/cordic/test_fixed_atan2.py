@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """The unrolled 16-bit arctangent's numbers; its circuit is checked bit by bit as the vendor operator ``atan``."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """The operators under the vendor cores' names, all ten instantiated by RTL as the thesis writes it."""
 
 import json

@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Wrappers around engines, written here and nowhere else: exported and run like a core."""
 
 import json

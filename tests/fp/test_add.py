@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Addition and subtraction: circuits and twin against TestFloat and against float64."""
 
 import operator

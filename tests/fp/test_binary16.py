@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Ten million pairs of binary16 numbers, circuits against float64 arithmetic rounded once.
 
 A sum, product or quotient of binary16 numbers, rounded to float64, is rounded correctly to

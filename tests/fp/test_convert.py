@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Conversion to and from fixed point: circuits and twins against TestFloat and against integers."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Division and square root: circuits and twins against TestFloat and against float64."""
 
 import operator

@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Lesser and greater: circuits and twin against the order of the encodings and against NumPy."""
 
 import numpy as np

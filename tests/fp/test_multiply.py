@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Multiplication: circuits and twin against TestFloat and against float64."""
 
 import operator

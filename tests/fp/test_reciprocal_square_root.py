@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Reciprocal square root: circuits and twin against integer square roots."""
 
 import math

@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Conversion between formats: circuits and twin against float64, rounded once."""
 
 import numpy as np

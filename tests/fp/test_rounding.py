@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Rounding directions and exception flags: twins of many formats against fractions of Python
 integers, circuits of binary32 against the twins."""
 

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Operators tell their latency and their twin without being elaborated.
 """Pages of docs/operators are those of this commit, complete, and draw what the circuits do."""
 
 import inspect
@@ -18,7 +16,7 @@ from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_lab.report.diagram import diagram, iterative_timing, pipelined_timing
 from strapdown_lab.report.pages import PAGES, page_text
-from strapdown_lab.report.special_values import number_text
+from strapdown_lab.special_values import number_text
 
 NUMBERS = {"A": 1.5, "B": 2.25, "C": 3.5, "X": 7.0, "": 0.0}
 CIRCUITS = {

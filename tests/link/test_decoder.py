@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """The decoder on streams made here from the document of the frame, with damage of all kinds."""
 
 import numpy as np

@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """The transmitter, the sender of frames, and a core with both: their lines sampled in Verilator."""
 
 import json

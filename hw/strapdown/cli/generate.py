@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Operators are made, and their options so checked, before the first is written.
 """The commands that write Verilog: generate, operators, link."""
 
 import re

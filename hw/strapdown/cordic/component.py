@@ -5,15 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
+
+from strapdown.component import Described
 
 from ..fp.format import FloatFormat
 
 __all__ = ["CordicComponent", "blockwise"]
 
 
-class CordicComponent(wiring.Component):
+class CordicComponent(Described):
     """Base of the operators that do some CORDIC steps a cycle, over and over or in ranks one after another.
 
     A subclass checks and keeps its parameters by ``_take`` before it calls ``__init__`` with its

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from amaranth import *
 
-from ..fp.pipeline import PipelinedOperator, Ranks
+from ..fp.pipeline import Pipeline, PipelinedOperator, Ranks
 
 __all__ = ["FixedAtan2"]
 
@@ -41,8 +41,8 @@ class FixedAtan2(PipelinedOperator):
     GUARD = 2
     DROPPED: ClassVar = {7: 5, 11: 4}
 
-    CUTS = ("magnitude", "rotate", "normalise", *(f"step_{step}" for step in range(1, STEPS)), "sum", "result")
-    DEFAULT_LATENCY = len(CUTS)
+    PIPELINE = Pipeline(cuts=("magnitude", "rotate", "normalise", *(f"step_{step}" for step in range(1, STEPS)), "sum",
+                              "result"), default_latency=STEPS + 4)
 
     def __init__(self, *, latency=None):
         super().__init__({"x_in": signed(self.WIDTH), "y_in": signed(self.WIDTH)},
@@ -108,9 +108,10 @@ class FixedAtan2(PipelinedOperator):
 
     def ranks(self, m):
         """The register ranks, evenly spread over the cuts, the last at the output."""
-        count = len(self.CUTS)
-        placed = [self.CUTS[(place + 1) * count // self.latency - 1] for place in range(self.latency)]
-        return Ranks(m, self.CUTS, placed, self.start)
+        cuts = self.pipeline.cuts
+        count = len(cuts)
+        placed = [cuts[(place + 1) * count // self.latency - 1] for place in range(self.latency)]
+        return Ranks(m, cuts, placed, self.start)
 
     def elaborate(self, platform):
         m = Module()

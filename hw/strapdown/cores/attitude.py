@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its latency and its ports without being elaborated.
 """The attitude cores of the 2015 thesis: which equations stand behind which module and ports."""
 
 from strapdown.algorithms import attitude

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its latency and its ports without being elaborated.
 """Which modules a configuration has, and the core for one of them."""
 
 from collections.abc import Callable

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its latency and its ports without being elaborated.
 """An engine under the ports that its users' RTL instantiates."""
 
 from strapdown.kernel.engine import Engine

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its latency and its ports without being elaborated.
 """INS_flight: the flight attitude filter under the ports of INS_top, and more."""
 
 from strapdown.algorithms import attitude, flight

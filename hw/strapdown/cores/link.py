@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its ports without being elaborated.
 """A core that sends what it finds over a serial line, as SINS_uart does."""
 
 from amaranth import *

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# An operator tells its latency and its ports without being elaborated.
 # mypy: disable-error-code="attr-defined"
 """Operators under the module and port names of the vendor cores that thesis RTL instantiates."""
 
@@ -10,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from strapdown.component import Described
 from strapdown.cordic import FixedAtan2
 from strapdown.fp import (
     BINARY32,
@@ -90,7 +88,7 @@ class VendorKind:
         return self.members.get(port.name, port.name)
 
 
-class RankedOperator(wiring.Component):
+class RankedOperator(Described):
     """An operator of this project behind the vendor's data ports, with the vendor's latency.
 
     It works in the clock domain ``sync``; ``VendorOperator`` adds clock, clear and enable.
@@ -265,7 +263,7 @@ class VendorOperator(Top):
 
 def _pipeline(make, **parameters):
     """A maker of an operator that has one rank for each of its cuts, at most."""
-    most = len(make.CUTS)
+    most = len(make.PIPELINE.cuts)
     return lambda latency: make(**parameters, latency=min(latency, most))
 
 
@@ -319,7 +317,7 @@ _KINDS = (
                lambda op, a: op.compute(a),
                (Port("a", In, 16, "two's complement, 13 fraction bits"),), _FLOAT,
                ("Exact.", "0 becomes +0."), members={"a": "operand"}),
-    VendorKind("atan", "angle from the x axis to (x_in, y_in), rad", FixedAtan2.DEFAULT_LATENCY, 1,
+    VendorKind("atan", "angle from the x axis to (x_in, y_in), rad", FixedAtan2.PIPELINE.default_latency, 1,
                _pipeline(FixedAtan2), lambda op, x_in, y_in: op.compute(y_in, x_in),
                (Port("x_in", In, 16, "two's complement, 14 fraction bits"),
                 Port("y_in", In, 16, "two's complement, 14 fraction bits")),

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its latency and its ports without being elaborated.
 """QUAT_direct: quaternion propagated straight from body rates (source 001)."""
 
 from collections.abc import Callable

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core tells its latency and its ports without being elaborated.
 """SINS_top: strapdown inertial navigation from body rates and specific force (source 002)."""
 
 import math

@@ -1,13 +1,11 @@
-# amaranth: UnusedElaboratable=no
-# A component tells its latency and its ports without being elaborated.
 """From an engine to a Verilog module: wrappers around it, and the top that adds clock and reset."""
 
 from dataclasses import dataclass
 
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In
 
+from strapdown.component import Described
 from strapdown.kernel.description import Port
 
 __all__ = ["CLOCK", "CORE_CONTROL", "Control", "Top", "Wrapper", "through"]
@@ -28,7 +26,7 @@ def through(outer, inner, names):
         yield there.eq(here) if outer.signature.members[outside].flow == In else here.eq(there)
 
 
-class Wrapper(wiring.Component):
+class Wrapper(Described):
     """An engine in a module with more, or other, ports; with the engine's ports alone if nothing else is said.
 
     A wrapper works in the clock domain ``sync``. One of its own kind extends ``elaborate``, which
@@ -150,7 +148,7 @@ CORE_CONTROL = Control(CLOCK, Port("rst_n", In, 1, "reset, active low, asynchron
 """Clock and reset of the cores."""
 
 
-class Top(wiring.Component):
+class Top(Described):
     """A component as a Verilog module of its own: its ports, clock and reset.
 
     A top has no logic and no level of hierarchy: it is the component's own module, whose ports

@@ -4,7 +4,7 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator, pick
+from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
 from .stages import pack, unpack
 
@@ -45,9 +45,9 @@ class FpAdd(PipelinedOperator):
     """
 
     # The priority follows the longest paths of placed and routed circuits on an ECP5.
-    CUTS = ("distance", "shift", "align", "sum", "coarse", "normalise", "round", "result")
-    CUT_PRIORITY = ("result", "align", "normalise", "coarse", "shift", "round", "sum", "distance")
-    DEFAULT_LATENCY = 5
+    PIPELINE = Pipeline(cuts=("distance", "shift", "align", "sum", "coarse", "normalise", "round", "result"),
+                        priority=("result", "align", "normalise", "coarse", "shift", "round", "sum", "distance"),
+                        default_latency=5)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         self._format = format

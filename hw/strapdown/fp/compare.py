@@ -6,7 +6,7 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator
+from .pipeline import Pipeline, PipelinedOperator
 from .rounding import Flags, flags_member
 from .stages import unpack
 
@@ -75,9 +75,7 @@ class FpCompare(PipelinedOperator):
     Source: IEEE 754-2019, 5.11.
     """
 
-    CUTS = ("magnitude", "result")
-    CUT_PRIORITY = ("result", "magnitude")
-    DEFAULT_LATENCY = 1
+    PIPELINE = Pipeline(cuts=("magnitude", "result"), priority=("result", "magnitude"), default_latency=1)
 
     def __init__(self, format, *, latency=None, signalling=False, flags=False):
         self._format = format
@@ -165,9 +163,7 @@ class FpRelation(PipelinedOperator):
     for equality and signalling for order.
     """
 
-    CUTS = FpCompare.CUTS
-    CUT_PRIORITY = FpCompare.CUT_PRIORITY
-    DEFAULT_LATENCY = FpCompare.DEFAULT_LATENCY
+    PIPELINE = FpCompare.PIPELINE
 
     def __init__(self, format, relation, *, latency=None, flags=False):
         self._format = format

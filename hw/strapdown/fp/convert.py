@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator, pick
+from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
 from .stages import FINE_LEVELS, normalise, round_and_pack, shift_right_sticky, unpack
 
@@ -84,9 +84,8 @@ class FpToFixed(_Converter):
     Source: IEEE 754-2019, 5.4.1 and 5.8, operations *convertToIntegerExactTiesToEven* and its like.
     """
 
-    CUTS = ("distance", "coarse", "align", "result")
-    CUT_PRIORITY = ("result", "align", "distance", "coarse")
-    DEFAULT_LATENCY = 4
+    PIPELINE = Pipeline(cuts=("distance", "coarse", "align", "result"),
+                        priority=("result", "align", "distance", "coarse"), default_latency=4)
 
     def __init__(self, format, *, width, fraction_bits, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__({"a": format.layout}, {"result": signed(width)}, format=format, width=width,
@@ -185,9 +184,8 @@ class FixedToFp(_Converter):
     Source: IEEE 754-2019, 5.4.1, operation *convertFromInt*.
     """
 
-    CUTS = ("magnitude", "coarse", "normalise", "result")
-    CUT_PRIORITY = ("result", "normalise", "magnitude", "coarse")
-    DEFAULT_LATENCY = 4
+    PIPELINE = Pipeline(cuts=("magnitude", "coarse", "normalise", "result"),
+                        priority=("result", "normalise", "magnitude", "coarse"), default_latency=4)
 
     def __init__(self, format, *, width, fraction_bits, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__({"operand": signed(width)}, {"result": format.layout}, format=format, width=width,

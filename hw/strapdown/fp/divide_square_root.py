@@ -5,8 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
+
+from strapdown.component import Described
 
 from . import exact
 from .pipeline import Ranks, pick
@@ -19,7 +20,7 @@ CLASSES = "sign", "is_nan", "is_infinite", "is_zero"
 RAISED = "invalid", "divide_by_zero"
 
 
-class DigitRecurrence(wiring.Component):
+class DigitRecurrence(Described):
     """Base of the digit recurrences: one result bit in each step, pipelined or iterative.
 
     The one for quotients and roots is here, non-restoring; a subclass may bring another.

@@ -4,7 +4,7 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator
+from .pipeline import Pipeline, PipelinedOperator
 from .rounding import Flags, flags_member
 from .stages import pack, unpack
 
@@ -42,9 +42,7 @@ class FpMinMax(PipelinedOperator):
     Source: IEEE 754-2019, 9.6, operations *minimum* and *maximum*.
     """
 
-    CUTS = ("compare", "result")
-    CUT_PRIORITY = ("result", "compare")
-    DEFAULT_LATENCY = 1
+    PIPELINE = Pipeline(cuts=("compare", "result"), priority=("result", "compare"), default_latency=1)
 
     def __init__(self, format, *, latency=None, flags=False):
         self._format = format

@@ -4,7 +4,7 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator, pick
+from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
 from .stages import FINE_LEVELS, align_subnormal, normalise, pack, unpack
 
@@ -47,22 +47,20 @@ class FpMultiply(PipelinedOperator):
 
     # Ranks at "unpack", "partial" and "product" are the registers that DSP blocks have inside. One
     # between the products of the slices and their sum suits an ECP5 best, whose blocks are smaller.
-    CUTS: tuple[str, ...] = ("unpack", "partial", "product", "normalise", "round", "result")
-    CUT_PRIORITY: tuple[str, ...] = ("result", "partial", "product", "normalise", "unpack", "round")
-    DEFAULT_LATENCY = 2
+    PIPELINE = Pipeline(cuts=("unpack", "partial", "product", "normalise", "round", "result"),
+                        priority=("result", "partial", "product", "normalise", "unpack", "round"), default_latency=2)
     # Subnormal operands are normalised before the product, subnormal results aligned behind it.
-    GRADUAL_CUTS = ("coarse", *CUTS[:4], "align", *CUTS[4:])
-    GRADUAL_PRIORITY = ("result", "partial", "normalise", "unpack", "align", "coarse", "product", "round")
+    GRADUAL_PIPELINE = Pipeline(
+        cuts=("coarse", "unpack", "partial", "product", "normalise", "align", "round", "result"),
+        priority=("result", "partial", "normalise", "unpack", "align", "coarse", "product", "round"), default_latency=6)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
-        if format.gradual:
-            self.CUTS, self.CUT_PRIORITY = self.GRADUAL_CUTS, self.GRADUAL_PRIORITY
-            self.DEFAULT_LATENCY = 6
         self._format = format
         self._rounding = Rounding(rounding)
         self._flags = bool(flags)
         super().__init__({"a": format.layout, "b": format.layout},
-                         {"result": format.layout, **flags_member(flags)}, latency=latency)
+                         {"result": format.layout, **flags_member(flags)}, latency=latency,
+                         pipeline=self.GRADUAL_PIPELINE if format.gradual else self.PIPELINE)
 
     @property
     def format(self):

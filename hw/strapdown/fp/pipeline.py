@@ -2,15 +2,35 @@
 
 import operator
 from types import SimpleNamespace
+from typing import NamedTuple
 
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-__all__ = ["PipelinedOperator", "Ranks", "pick"]
+from strapdown.component import Described
+
+__all__ = ["Pipeline", "PipelinedOperator", "Ranks", "pick"]
 
 
-class PipelinedOperator(wiring.Component):
+class Pipeline(NamedTuple):
+    """Where the register ranks of a pipelined operator may stand.
+
+    Attributes
+    ----------
+    cuts : tuple of str
+        The places in the data flow, in its order. The greatest latency is their number.
+    default_latency : int
+        The latency if none is chosen.
+    priority : tuple of str
+        The cuts in the order in which deeper pipelines take them.
+    """
+
+    cuts: tuple[str, ...]
+    default_latency: int
+    priority: tuple[str, ...] = ()
+
+
+class PipelinedOperator(Described):
     """Base of the fully pipelined operators: one operation a cycle, no back-pressure.
 
     Parameters
@@ -18,30 +38,33 @@ class PipelinedOperator(wiring.Component):
     operands, result : dict
         Member name to shape of the data ports.
     latency : int or None
-        Number of register ranks, 1 to ``len(CUTS)``; None means ``DEFAULT_LATENCY``.
+        Number of register ranks, 1 to the number of cuts; None means the pipeline's default.
+    pipeline : Pipeline or None
+        Where the ranks may stand; None means the class's ``PIPELINE``.
 
     Members
     -------
     start, done : In(1), Out(1)
         ``done`` is ``start``, ``latency`` cycles later; results are valid while it is high.
 
-    A subclass lists in ``CUTS`` the places of its data flow where a rank may stand, in the
-    order of the flow, and in ``CUT_PRIORITY`` the order in which a deeper pipeline takes them.
-
     Raises: ValueError if ``latency`` is out of range.
     """
 
-    CUTS: tuple[str, ...] = ()
-    CUT_PRIORITY: tuple[str, ...] = ()
-    DEFAULT_LATENCY: int = 1
+    PIPELINE: Pipeline
 
-    def __init__(self, operands, results, *, latency=None):
-        self._latency = self.DEFAULT_LATENCY if latency is None else operator.index(latency)
-        if not 1 <= self._latency <= len(self.CUTS):
-            raise ValueError(f"latency must be from 1 to {len(self.CUTS)}, not {latency!r}")
+    def __init__(self, operands, results, *, latency=None, pipeline=None):
+        self._pipeline = self.PIPELINE if pipeline is None else pipeline
+        self._latency = self._pipeline.default_latency if latency is None else operator.index(latency)
+        if not 1 <= self._latency <= len(self._pipeline.cuts):
+            raise ValueError(f"latency must be from 1 to {len(self._pipeline.cuts)}, not {latency!r}")
         super().__init__({
             **{name: In(shape) for name, shape in operands.items()}, "start": In(1),
             **{name: Out(shape) for name, shape in results.items()}, "done": Out(1)})
+
+    @property
+    def pipeline(self):
+        """Where the ranks may stand, a Pipeline."""
+        return self._pipeline
 
     @property
     def latency(self):
@@ -55,7 +78,7 @@ class PipelinedOperator(wiring.Component):
 
     def ranks(self, m):
         """The register ranks of this operator's pipeline, for use in ``elaborate``."""
-        return Ranks(m, self.CUTS, self.CUT_PRIORITY[:self._latency], self.start)
+        return Ranks(m, self._pipeline.cuts, self._pipeline.priority[:self._latency], self.start)
 
 
 class Ranks:
@@ -73,7 +96,7 @@ class Ranks:
         self.valid = valid
 
     def __call__(self, cut, **values):
-        assert next(self._cuts) == cut, "cuts must be passed in the order of CUTS"
+        assert next(self._cuts) == cut, "cuts must be passed in the order of the pipeline"
         if cut not in self._placed:
             return SimpleNamespace(**values)
         registered = {}

@@ -3,7 +3,7 @@
 from amaranth import *
 
 from . import exact
-from .pipeline import PipelinedOperator, pick
+from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
 from .stages import FINE_LEVELS, align_subnormal, normalise, round_and_pack, unpack
 
@@ -42,9 +42,8 @@ class FpToFp(PipelinedOperator):
     Source: IEEE 754-2019, 5.4.2, operation *convertFormat*.
     """
 
-    CUTS = ("coarse", "normalise", "align", "result")
-    CUT_PRIORITY = ("result", "normalise", "align", "coarse")
-    DEFAULT_LATENCY = 4
+    PIPELINE = Pipeline(cuts=("coarse", "normalise", "align", "result"),
+                        priority=("result", "normalise", "align", "coarse"), default_latency=4)
 
     def __init__(self, from_format, to_format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         self._from_format = from_format

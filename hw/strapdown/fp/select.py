@@ -3,7 +3,7 @@
 import numpy as np
 from amaranth import *
 
-from .pipeline import PipelinedOperator
+from .pipeline import Pipeline, PipelinedOperator
 
 __all__ = ["FpSelect"]
 
@@ -28,9 +28,7 @@ class FpSelect(PipelinedOperator):
     like a copy, it raises no exceptions.
     """
 
-    CUTS = ("result",)
-    CUT_PRIORITY = ("result",)
-    DEFAULT_LATENCY = 1
+    PIPELINE = Pipeline(cuts=("result",), priority=("result",), default_latency=1)
 
     def __init__(self, format):
         self._format = format

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from amaranth.lib import wiring
 from amaranth.lib.wiring import Flow, In, Out
+
+from strapdown.component import Described
 
 __all__ = ["Port", "Section", "program_facts", "program_sections", "SystemComponent", "status_ports"]
 
@@ -68,7 +69,7 @@ class Section:
     program: Any = None
 
 
-class SystemComponent(wiring.Component):
+class SystemComponent(Described):
     """Base of the engines: a component whose equations and interface are those of a System."""
 
     _system: Any

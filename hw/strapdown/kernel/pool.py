@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Units are also made for their latency and their twin alone.
 """The pool of operators that an engine computes with."""
 
 import enum

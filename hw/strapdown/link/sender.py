@@ -1,11 +1,10 @@
-# amaranth: UnusedElaboratable=no
-# A sender tells its interval without being elaborated.
 """Frames from payloads, onto a serial line."""
 
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.crc.catalog import CRC16_IBM_3740
 from amaranth.lib.wiring import In, Out
+
+from strapdown.component import Described
 
 from .frame import LAYOUT, MAX_PAYLOAD, SYNC, crc, frame_size, place
 from .uart import BITS_PER_BYTE, UartTransmitter
@@ -13,7 +12,7 @@ from .uart import BITS_PER_BYTE, UartTransmitter
 __all__ = ["FrameSender"]
 
 
-class FrameSender(wiring.Component):
+class FrameSender(Described):
     """Sends its payload as one frame of ``LAYOUT`` when it is told to.
 
     Parameters

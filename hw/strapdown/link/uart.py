@@ -1,8 +1,9 @@
 """UART transmitter: 8 data bits, no parity, one stop bit."""
 
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
+
+from strapdown.component import Described
 
 __all__ = ["BITS_PER_BYTE", "UartTransmitter"]
 
@@ -15,7 +16,7 @@ LARGEST_ERROR = 0.02
 sampling, is 4.6 % there, of which a transmitter may take less than half."""
 
 
-class UartTransmitter(wiring.Component):
+class UartTransmitter(Described):
     """Bytes to a serial line, 8N1, least significant bit first.
 
     Parameters

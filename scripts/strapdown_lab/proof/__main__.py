@@ -54,7 +54,7 @@ def formal_command(only, jobs):
 
 
 @main.command("exhaustive")
-@click.option("--only", multiple=True, type=click.Choice(list(exhaustive.SUBJECTS)), help="May be repeated.")
+@click.option("--only", multiple=True, type=click.Choice(list(exhaustive.RUNS)), help="May be repeated.")
 @click.option("--fraction", "part", default="1", show_default=True, metavar="PART",
               help="Part of all operands, evenly spread, as in 1/256.")
 @JOBS
@@ -65,7 +65,7 @@ def exhaustive_command(only, part, jobs):
     except (ValueError, ZeroDivisionError):
         raise click.BadParameter(f"must be above 0 and at most 1, not {part!r}", param_hint="--fraction") from None
     try:
-        runs = exhaustive.check(only or list(exhaustive.SUBJECTS), part, jobs, ROOT)
+        runs = exhaustive.check(only or list(exhaustive.RUNS), part, jobs, ROOT)
     except SimulatorMissingError as error:
         raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:

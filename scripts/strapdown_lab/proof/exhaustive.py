@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """All 2**32 operands of the 32-bit operators of one operand, through their Verilated circuits."""
 
 import datetime
@@ -8,9 +7,7 @@ import math
 import os
 import subprocess
 import threading
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
 from fractions import Fraction
 from importlib.resources import files
 from typing import Any
@@ -21,35 +18,16 @@ from amaranth.lib.wiring import In, Out
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from strapdown.export.backend import to_verilog
-from strapdown.fp import BINARY32, FixedToFp, FpReciprocalSquareRoot, FpSquareRoot, FpToFixed
+from strapdown_lab.operators import OPERATORS
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
-__all__ = ["SUBJECTS", "Run", "Subject", "table"]
+__all__ = ["RUNS", "Run", "table"]
 
 SHARD = 1 << 22
 SHARDS = (1 << 32) // SHARD
-FLUSH32 = BINARY32.with_subnormals("flush")
 
-
-@dataclass(frozen=True)
-class Subject:
-    """An operator with one 32-bit operand, and the expectation of exhaustive.cpp that it must meet."""
-
-    make: Callable[[], Any]
-    expectation: str
-    meaning: str
-
-
-SUBJECTS = {
-    "sqrt": Subject(lambda: FpSquareRoot(BINARY32), "square_root", "square root, gradual"),
-    "rsqrt": Subject(lambda: FpReciprocalSquareRoot(BINARY32, bits_per_cycle=6), "reciprocal_square_root",
-                     "reciprocal square root, gradual, 6 bits a cycle"),
-    "to_int32": Subject(lambda: FpToFixed(BINARY32, width=32, fraction_bits=0), "to_int32", "float to 32-bit integer"),
-    "to_fixed16": Subject(lambda: FpToFixed(FLUSH32, width=16, fraction_bits=14), "to_fixed16",
-                          "float to 16 bits, 14 of them behind the point, flushed"),
-    "from_int32": Subject(lambda: FixedToFp(BINARY32, width=32, fraction_bits=0), "from_int32",
-                          "32-bit integer to float"),
-}
+RUNS = {run.name: run for entry in OPERATORS for run in entry.full_runs}
+"""The operators that can be run, by the name that chooses them."""
 
 
 class Lanes(wiring.Component):
@@ -120,7 +98,7 @@ class Run:
     """
 
     def __init__(self, name, build):
-        self.name, self.subject = name, SUBJECTS[name]
+        self.name, self.subject = name, RUNS[name]
         build.mkdir(parents=True, exist_ok=True)
         source = build / f"{name}.v"
         lanes = Lanes(self.subject.make)

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +32,7 @@ class Property:
         The operator and its parameters.
     claim : str
         What holds, in a sentence.
-    circuit : Elaboratable
+    make : callable
         Operators with free inputs, ``Assert`` and ``Assume``, and at least one ``Cover`` that tells
         that the assertions were put to the test.
     depth : int
@@ -47,7 +48,7 @@ class Property:
 
     subject: str
     claim: str
-    circuit: Elaboratable
+    make: Callable[[], Elaboratable]
     depth: int
     any_state: tuple[str, ...] = ()
     holds_without: str = ""
@@ -112,7 +113,7 @@ def prove(prop, directory):
         raise SolverMissingError(missing)
     began = time.monotonic()
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / "top.il").write_text(rtlil.convert(prop.circuit, name="top", ports=(), emit_src=False))
+    (directory / "top.il").write_text(rtlil.convert(prop.make(), name="top", ports=(), emit_src=False))
     unset = [f"setattr -unset init w:{submodule}.*" for submodule in prop.any_state]
     script = ["read_rtlil top.il", "prep -flatten -top top", "async2sync", *unset, "opt -full", "dffunmap",
               "write_smt2 -wires top.smt2"]

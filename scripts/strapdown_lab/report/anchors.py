@@ -16,7 +16,7 @@ class OperatorAnchor:
     Attributes
     ----------
     operator : str
-        What it computes, by the names of ``strapdown_lab.report.operators``.
+        What it computes, by the titles of ``strapdown_lab.operators``.
     design : str
         Whose it is.
     lut, ff, dsp : int

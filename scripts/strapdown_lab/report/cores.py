@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# A core is made for its latency, and elaborated when its turn comes.
 """Which cores are reported, and that a simulated core takes the cycles that it says it takes."""
 
 from collections.abc import Callable

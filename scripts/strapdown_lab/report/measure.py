@@ -33,7 +33,7 @@ class Design:
 
 
 def operator_design(entry):
-    """Design of an ``OperatorEntry``."""
+    """Design of a ``MeasuredOperator``."""
     operator = entry.make()
     top = entry.component.__name__
     text = to_verilog(operator, top)

@@ -1,125 +1,25 @@
-# amaranth: UnusedElaboratable=no
-# Operators tell ports, latency and bounds without being elaborated.
 """Reference pages of the operators: docs/operators, from docstrings, signatures and twins."""
 
 import inspect
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from enum import Enum
 from itertools import product
-from typing import Any
 
 from amaranth.hdl import Shape
 from amaranth.lib.wiring import In, Out
 
-from strapdown.cordic import CordicAtan2, CordicSinCos, FixedAtan2
-from strapdown.fp import (
-    BINARY16,
-    BINARY32,
-    BINARY64,
-    FLAGS,
-    RELATIONS,
-    FixedToFp,
-    FloatFormat,
-    FpAdd,
-    FpCompare,
-    FpDivide,
-    FpDivideSquareRoot,
-    FpMinMax,
-    FpMultiply,
-    FpReciprocalSquareRoot,
-    FpRelation,
-    FpSelect,
-    FpSquareRoot,
-    FpToFixed,
-    FpToFp,
-    Subnormals,
-)
+from strapdown.fp import BINARY16, BINARY32, BINARY64, FLAGS, FloatFormat
+from strapdown_lab import special_values as special
+from strapdown_lab.markdown import markdown_table
+from strapdown_lab.operators import OPERATORS
 
-from . import special_values as special
 from .diagram import diagram, iterative_timing, pipelined_timing
-from .operators import OPERATORS
-from .tables import markdown_table, operator_tables
+from .tables import operator_tables
 
-__all__ = ["PAGES", "OperatorPage", "flags_table", "index_table", "page_text"]
+__all__ = ["PAGES", "flags_table", "index_table", "page_text"]
 
-
-@dataclass(frozen=True)
-class OperatorPage:
-    """What a page shows of an operator.
-
-    Attributes
-    ----------
-    component : type
-        Its class.
-    special_values : callable
-        To the Markdown of its special values.
-    parameters : dict
-        Parameters of the operator that the page describes, those without a default at least.
-    choices : dict
-        Parameters on which the latency depends, and the values that the table shows.
-    """
-
-    component: Any
-    special_values: Callable[[], str]
-    parameters: dict = field(default_factory=lambda: {"format": BINARY32})
-    choices: dict = field(default_factory=dict)
-
-    @property
-    def name(self):
-        """The class's name, and the page's."""
-        return self.component.__name__
-
-    def make(self, **parameters):
-        """The operator, or the same with other parameters."""
-        return self.component(**{**self.parameters, **parameters})
-
-
-def _depths(cuts):
-    return {"latency": range(1, len(cuts) + 1)}
-
-
-_PER_CYCLE = (1, 2, 3, 4, 6)
-_BITS = {"bits_per_cycle": _PER_CYCLE}
-_BOTH = BINARY32, BINARY32.with_subnormals(Subnormals.FLUSH)
-_VARIANTS = {"format": _BOTH, "iterative": (False, True), **_BITS}
-
-_PAGES = (
-    OperatorPage(FpAdd, lambda: "\n\n".join([
-        special.binary_tables(FpAdd, "a + b", subtract=False),
-        special.binary_tables(FpAdd, "a − b", subtract=True)]), choices=_depths(FpAdd.CUTS)),
-    OperatorPage(FpMultiply, lambda: special.binary_tables(FpMultiply), choices=_depths(FpMultiply.GRADUAL_CUTS)),
-    OperatorPage(FpDivide, lambda: special.binary_tables(FpDivide), choices=_VARIANTS),
-    OperatorPage(FpSquareRoot, lambda: special.unary_table(FpSquareRoot), choices=_VARIANTS),
-    OperatorPage(FpDivideSquareRoot, lambda: "\n\n".join([
-        special.binary_tables(FpDivideSquareRoot, "a / b, `square_root` = 0", square_root=False),
-        "Square root of a, `square_root` = 1:",
-        special.unary_table(FpDivideSquareRoot, b=1, square_root=True)]), choices=_BITS),
-    OperatorPage(FpReciprocalSquareRoot, lambda: special.unary_table(FpReciprocalSquareRoot), choices=_BITS),
-    OperatorPage(FpCompare, lambda: special.compare_tables(FpCompare), choices=_depths(FpCompare.CUTS)),
-    OperatorPage(FpRelation, lambda: special.relation_table(FpRelation, RELATIONS),
-                 parameters={"format": BINARY32, "relation": "<"}, choices=_depths(FpRelation.CUTS)),
-    OperatorPage(FpMinMax, lambda: "\n\n".join([
-        special.binary_tables(FpMinMax, "Minimum, `maximum` = 0", maximum=False),
-        special.binary_tables(FpMinMax, "Maximum, `maximum` = 1", maximum=True)]), choices=_depths(FpMinMax.CUTS)),
-    OperatorPage(FpSelect, lambda: special.choice_table(FpSelect)),
-    OperatorPage(FpToFixed, lambda: special.to_fixed_table(16, 14),
-                 parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_depths(FpToFixed.CUTS)),
-    OperatorPage(FixedToFp, lambda: special.from_fixed_table(32, 0),
-                 parameters={"format": BINARY32, "width": 32, "fraction_bits": 0}, choices=_depths(FixedToFp.CUTS)),
-    OperatorPage(FpToFp, special.resize_tables, parameters={"from_format": BINARY32, "to_format": BINARY16},
-                 choices=_depths(FpToFp.CUTS)),
-    OperatorPage(CordicAtan2, lambda: special.arctangent_tables(CordicAtan2),
-                 choices={"format": _BOTH, "iterative": (True, False), "steps_per_cycle": _PER_CYCLE}),
-    OperatorPage(CordicSinCos, lambda: special.sincos_table(CordicSinCos),
-                 choices={"iterative": (True, False), "steps_per_cycle": _PER_CYCLE}),
-    OperatorPage(FixedAtan2, lambda: special.fixed_arctangent_table(FixedAtan2), parameters={},
-                 choices={"latency": (1, 2, 4, 5, 10, 15, 20)}),
-)
-
-PAGES = {page.name: page for page in _PAGES}
-"""The pages by name of component."""
+PAGES = {entry.name: entry for entry in OPERATORS}
+"""The operators by the name of their page."""
 
 
 # Docstrings.
@@ -170,7 +70,7 @@ def _default(page, name):
     if default is inspect.Parameter.empty:
         return "–"
     if name == "latency":
-        default = page.make().DEFAULT_LATENCY
+        default = page.make().pipeline.default_latency
     return f"`{_value(default)}`"
 
 
@@ -240,17 +140,18 @@ def _timing_diagram(operator, operands, results):
 
 def _latencies(page):
     component, default = page.component, page.make()
-    priority = getattr(default, "CUT_PRIORITY", ())
+    priority = default.pipeline.priority if hasattr(default, "pipeline") else ()
     rows = []
-    for values in product(*page.choices.values()):
-        parameters = dict(zip(page.choices, values, strict=True))
+    choices = page.page_choices()
+    for values in product(*choices.values()):
+        parameters = dict(zip(choices, values, strict=True))
         operator = page.make(**parameters)
         is_default = all(getattr(default, name) == value for name, value in parameters.items())
         latency = f"**{operator.latency}**" if is_default else operator.latency
         row = [_choice(value) for name, value in parameters.items() if name != "latency"]
         row += [latency, operator.interval]
         if priority:
-            row.append(", ".join(cut for cut in operator.CUTS if cut in priority[:operator.latency]))
+            row.append(", ".join(cut for cut in operator.pipeline.cuts if cut in priority[:operator.latency]))
         rows.append(row)
     head = [*(f"`{name}`:" if name.endswith("cycle") else f"`{name}`" for name in page.choices if name != "latency"),
             "latency:", "interval:", *(["register ranks after"] if priority else [])]
@@ -311,7 +212,7 @@ def page_text(page, report=None):
     section("Special values", _sentence(_markdown(values, page.name)) if values else "", flags, tables,
             special.legend(tables))
     section("Software twin", _twin(component))
-    operators = {entry.operator for entry in OPERATORS if entry.component is component}
+    operators = {variants.title for variants in page.measured}
     if report and operators:
         section("Resources", operator_tables(report, operators), "How these are measured: [report](../report.md).")
     if "Source" in paragraphs:

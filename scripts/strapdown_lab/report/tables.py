@@ -2,16 +2,11 @@
 
 from itertools import groupby
 
+from strapdown_lab.markdown import markdown_table
+
 from .anchors import CORE_ANCHORS, best_known
 
-__all__ = ["anchor_table", "core_table", "flow_lines", "markdown_table", "operator_tables"]
-
-
-def markdown_table(head, rows):
-    """A Markdown table; a head that ends in a colon is aligned right."""
-    rule = ["---:" if cell.endswith(":") else "---" for cell in head]
-    lines = [[cell.removesuffix(":") for cell in head], rule, *rows]
-    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+__all__ = ["anchor_table", "core_table", "flow_lines", "operator_tables"]
 
 
 def operator_tables(report, operators=None):

@@ -41,8 +41,8 @@ def test_samples_agree(name, folder):
 def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, folder):
     def wrong():
         return FpToFixed(BINARY32, width=32, fraction_bits=0, rounding=Rounding.TOWARD_ZERO)
-    subject = dataclasses.replace(exhaustive.SUBJECTS["to_int32"], make=wrong)
-    monkeypatch.setitem(exhaustive.SUBJECTS, "to_int32", subject)
+    subject = dataclasses.replace(exhaustive.RUNS["to_int32"], make=wrong)
+    monkeypatch.setitem(exhaustive.RUNS, "to_int32", subject)
     monkeypatch.setattr(exhaustive, "SHARD", 1 << 12)
     run = run_of("to_int32", folder)
     # 0.5 is a tie and goes down; what follows does not.

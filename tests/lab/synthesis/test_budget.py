@@ -1,4 +1,3 @@
-# amaranth: UnusedElaboratable=no
 """Cores stay within their budgets of cycles and of a 7-series part."""
 
 import json

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Units are also made for their latency and their twin alone.
 """What an operator of a pool is: the operations that it offers to kernels, and the component that computes them."""
 
 import operator

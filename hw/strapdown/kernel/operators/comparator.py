@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Units are also made for their latency and their twin alone.
 # mypy: disable-error-code="attr-defined"
 """Comparison."""
 
@@ -7,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from strapdown.component import Described
 from strapdown.fp import FpCompare
 
 from .base import Operation, Operator
@@ -17,7 +15,7 @@ from .base import Operation, Operator
 __all__ = ["Comparator"]
 
 
-class Less(wiring.Component):
+class Less(Described):
     """``FpCompare`` with its answer as a number: -0 for ``a < b``, else +0.
 
     Members

@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Units are also made for their latency and their twin alone.
 # mypy: disable-error-code="attr-defined"
 """Sine and cosine."""
 
@@ -8,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 from amaranth import *
-from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from strapdown.component import Described
 from strapdown.cordic import CordicSinCos
 
 from .base import Operation, Operator
@@ -18,7 +16,7 @@ from .base import Operation, Operator
 __all__ = ["SineCosine"]
 
 
-class SineOrCosine(wiring.Component):
+class SineOrCosine(Described):
     """``CordicSinCos`` with one result, the sine or the cosine.
 
     Members

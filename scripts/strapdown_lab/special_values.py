@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Operators are made for their twins, not elaborated.
 """Tables of what operators make of zeros, infinities, NaN and the ends of the range, computed by their twins."""
 
 import re
@@ -10,7 +8,7 @@ import numpy as np
 
 from strapdown.fp import BINARY16, BINARY32, FixedToFp, Flags, FpToFixed, FpToFp, Subnormals
 
-from .tables import markdown_table
+from .markdown import markdown_table
 
 __all__ = ["FLAG_NAMES", "arctangent_tables", "binary_tables", "choice_table", "compare_tables",
            "fixed_arctangent_table", "from_fixed_table", "legend", "number_text", "relation_table", "resize_tables",
