@@ -8,8 +8,7 @@ from click.testing import CliRunner
 
 from strapdown import __version__
 from strapdown.cli import main
-from strapdown.config import CONFIGS
-from strapdown.cores import ATTITUDE_CORES
+from strapdown.cores import ATTITUDE_CORES, CONFIGS
 
 
 def run(*arguments):
@@ -81,7 +80,7 @@ def test_a_module_needs_no_configuration_if_its_name_tells(tmp_path):
 
 
 OWN = """\
-from strapdown.config import MAHONY
+from strapdown.cores import MAHONY
 SLOW = MAHONY.replace(name="slow", sample_rate_hz=10)
 NUMBER = 5
 """

@@ -1,7 +1,8 @@
 import pytest
 from pydantic import ValidationError
 
-from strapdown.config import CONFIGS, MAHONY, THESIS, ConfigError
+from strapdown.config import Config, ConfigError
+from strapdown.cores import CONFIGS, MAHONY, MODULES, THESIS, THESIS_X8, main_module, modules_of, system_of
 
 
 def test_thesis_has_the_constants_of_the_thesis():
@@ -38,13 +39,58 @@ def test_replace_takes_values_and_strings():
     ({"sample_rate_hz": 1e9}, "configuration thesis: sample_rate_hz must be less than or equal to 1000000, "
                               "not 1000000000.0"),
     ({"magnetometer_axes": "+x,+x,+z"}, "configuration thesis: magnetometer_axes must name each sensor axis once, "
-                                        "with its sign, as in +y,-x,+z, not ('+x', '+x', '+z')"),
+                                        "with its sign, as in +y,-x,+z, not '+x,+x,+z'"),
     ({"magnetometer_axes": "x,y,z"}, "configuration thesis: magnetometer_axes must name each sensor axis once, "
-                                     "with its sign, as in +y,-x,+z, not ('x', 'y', 'z')"),
-    ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, kp, ki, "
-                  "magnetometer_axes"),
+                                     "with its sign, as in +y,-x,+z, not 'x,y,z'"),
+    ({"magnetometer_axes": ("+x", "+y")}, "configuration thesis: magnetometer_axes must name each sensor axis once, "
+                                          "with its sign, as in +y,-x,+z, not ('+x', '+y')"),
+    ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
+                  "interval, kp, ki, magnetometer_axes"),
+    ({"channels": "0"}, "configuration thesis: channels must be greater than or equal to 1, not '0'"),
+    ({"channels": 6}, "configuration thesis: channels must be a power of two, not 6"),
+    ({"channels": 128}, "configuration thesis: channels must be less than or equal to 64, not 128"),
+    ({"interval": 100}, "configuration thesis: interval must be left out where channels is 1, not 100"),
+    ({"channels": 8, "interval": 0}, "configuration thesis: interval must be greater than or equal to 1, not 0"),
 ])
 def test_errors_are_one_line(change, message):
     with pytest.raises(ConfigError) as error:
         THESIS.replace(**change)
     assert str(error.value) == message
+
+
+@pytest.mark.parametrize("config", [config for config in CONFIGS.values() if config.channels == 1],
+                         ids=lambda config: config.name)
+def test_every_configuration_can_have_several_channels(config):
+    several = config.replace(channels="4", interval="150")
+    assert (several.channels, several.interval) == (4, 150)
+    assert modules_of(several) == (f"{main_module(config)}_x4",)
+    system, own = system_of(main_module(several), several), system_of(main_module(config), config)
+    assert (system.name, system.title) == (f"{own.name}_x4", f"{own.title}, 4 channels")
+    assert (system.inputs, system.outputs, system.state) == (own.inputs, own.outputs, own.state)
+
+
+def test_the_interval_is_the_schedulers_choice_or_given():
+    assert THESIS.replace(channels=8).interval is None
+    assert (THESIS_X8.interval, THESIS_X8.replace(interval="").interval) == (106, None)
+    with pytest.raises(ConfigError, match="configuration thesis_x8: interval must be left out where channels is 1"):
+        THESIS_X8.replace(channels=1)
+    assert THESIS_X8.replace(channels=1, interval=None).interval is None
+
+
+def test_a_configuration_without_a_module_is_told():
+    with pytest.raises(ValueError, match=r"^configuration thesis_x8 has INS_top_x8, not INS_top$"):
+        system_of("INS_top", THESIS_X8)
+
+
+def test_modules_go_with_the_configurations_that_have_them():
+    assert all(name in modules_of(config) for name, configs in MODULES.items() for config in configs)
+    assert [config.name for config in MODULES["INS_top"]] == ["thesis", "thesis_compact", "thesis_fast", "mahony"]
+    assert [config.name for config in MODULES["INS_top_x8"]] == ["thesis_x8"]
+
+
+def test_a_configuration_must_say_its_modules():
+    class Unfinished(Config):
+        pass
+
+    with pytest.raises(NotImplementedError):
+        modules_of(Unfinished(name="unfinished", description="", sample_rate_hz=1))

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from strapdown.cli import UserError
-from strapdown.config import CONFIGS
+from strapdown.cores import CONFIGS
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.recordings import RecordingError
 

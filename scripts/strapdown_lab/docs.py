@@ -7,8 +7,7 @@ docs/report.md and docs/flight.md come from docs/report, where `make report` and
 import json
 import shutil
 
-from strapdown.config import CONFIGS, THESIS
-from strapdown.cores import ATTITUDE_CORES, main_module, make_core
+from strapdown.cores import ATTITUDE_CORES, CONFIGS, THESIS, main_module, make_core
 
 from .checkout import ROOT, write_blocks
 from .report.pages import PAGES, flags_table, index_table, page_text

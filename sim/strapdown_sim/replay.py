@@ -2,12 +2,12 @@
 
 import csv
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from strapdown.config import FlightConfig
 from strapdown.cores import main_module, make_core
 from strapdown.export import write_core
 
@@ -25,7 +25,7 @@ from .picture import attitude_picture
 from .reference.attitude import ComplementaryFilter, euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS, FlightFilter
 
-__all__ = ["Replay", "flight_filter", "replay"]
+__all__ = ["REFERENCES", "Replay", "complementary_filter", "flight_filter", "replay"]
 
 
 @dataclass(frozen=True)
@@ -47,32 +47,22 @@ class Replay:
     summary: dict
 
 
-def flight_filter(config, sample_rate_hz):
-    """The float64 reference of INS_flight in a FlightConfig, at a sample rate."""
-    return FlightFilter(period_s=1 / sample_rate_hz, frame=config.frame, axes=config.axes,
+def complementary_filter(config):
+    """The float64 reference of INS_top in an AttitudeConfig."""
+    return ComplementaryFilter(kp=config.kp, ki=config.ki, period_s=config.period_s, mag_axes=config.magnetometer_axes)
+
+
+def flight_filter(config):
+    """The float64 reference of INS_flight in a FlightConfig."""
+    return FlightFilter(period_s=config.period_s, frame=config.frame, axes=config.axes,
                         magnetometer=config.magnetometer, **config.parameters._asdict())
 
 
-def _core_and_truth(config):
-    """The core of a configuration, its float64 reference, and its navigation frame."""
-    core = make_core(main_module(config), config)
-    if isinstance(config, FlightConfig):
-        return core, flight_filter(config, config.sample_rate_hz), config.frame
-    truth = ComplementaryFilter(kp=config.kp, ki=config.ki, period_s=config.period_s, mag_axes=config.magnetometer_axes)
-    return core, truth, "NWU"
+REFERENCES: dict[str, Callable] = {"INS_top": complementary_filter, "INS_flight": flight_filter}
+"""Module to the function that makes its float64 reference for a configuration.
 
-
-def _inputs(config, recording):
-    """What the input ports get, and the field: zero where there is none."""
-    count = len(recording.time_s)
-    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
-    vectors = {"in_acc": recording.accel, "in_mag": mag, "in_gyro": recording.gyro_deg_s}
-    inputs = {port + axis: column for port, samples in vectors.items()
-              for axis, column in zip("xyz", samples.T, strict=True)}
-    if isinstance(config, FlightConfig):
-        inputs |= {f"in_{name}": np.full(count, getattr(config, name)) for name in config.inputs}
-        inputs |= {"in_period": np.full(count, config.period_s), "in_mag_valid": np.ones(count)}
-    return inputs, mag
+The reference has ``run(accel, mag, gyro_deg_s)``; the configuration has ``frame``, the navigation frame.
+"""
 
 
 def replay(recording, config, directory, *, build, command, progress=None):
@@ -85,8 +75,8 @@ def replay(recording, config, directory, *, build, command, progress=None):
     Parameters
     ----------
     recording : Recording
-    config : AttitudeConfig or FlightConfig
-        Its sample rate is replaced by the recording's.
+    config : Config
+        Its main module is one of REFERENCES; its sample rate is replaced by the recording's.
     directory : Path
         Folder to write to.
     build : Path
@@ -106,21 +96,24 @@ def replay(recording, config, directory, *, build, command, progress=None):
 
     progress("build", 0, 1)
     config = config.replace(sample_rate_hz=recording.sample_rate_hz)
-    core, reference_model, frame = _core_and_truth(config)
-    module = core.system.name
+    module = main_module(config)
+    core, reference_model = make_core(module, config), REFERENCES[module](config)
     verilog = write_core(core, config, directory,
                          f"{command} --module {module} --set sample_rate_hz={recording.sample_rate_hz!r}")
     model = CoreModel(core, verilog, build)
     progress("build", 1, 1)
 
-    inputs, mag = _inputs(config, recording)
-    inputs = {port: inputs[port] for port in core.system.input_ports}
+    system = core.system
+    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
+    vectors = {"a": recording.accel, "m": mag, "g": recording.gyro_deg_s} | config.constant_inputs()
+    inputs = system.bind(**{name: vectors[name] for name in system.inputs})
     result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
 
     progress("compare", 0, 2)
-    matrix = np.stack([result[f"out_c{row}{column}"] for row in "123" for column in "123"], axis=-1)
-    quaternion = quaternion_from_matrix(matrix.reshape(-1, 3, 3).astype(float))
-    angles = np.stack([result[f"out_{name}"] for name in ("roll", "pitch", "yaw")], axis=-1).astype(float)
+    outputs = system.read(result)
+    quaternion = quaternion_from_matrix(outputs["c"])
+    # The core's order is pitch, roll, yaw.
+    angles = outputs["angles"][:, [1, 0, 2]].astype(float)
     differing = model.differing_bits(inputs, result)
     progress("compare", 1, 2)
     truth = reference_model.run(recording.accel, mag, recording.gyro_deg_s)
@@ -128,7 +121,7 @@ def replay(recording, config, directory, *, build, command, progress=None):
     summary = {
         "recording": recording.name,
         "config": config.name,
-        "frame": frame,
+        "frame": config.frame,
         "quaternion": "sensor to earth, scalar first",
         "samples": count,
         "sample_rate_hz": recording.sample_rate_hz,
@@ -140,7 +133,7 @@ def replay(recording, config, directory, *, build, command, progress=None):
     }
     device = np.full_like(angles, np.nan)
     if recording.reference is not None:
-        to_frame = FRAME_QUATERNIONS[frame]
+        to_frame = FRAME_QUATERNIONS[config.frame]
         match = match_reference(recording, multiply(conjugate(to_frame), quaternion))
         errors = attitude_errors(match.q_est, match.q_ref)
         summary["against_recorded_reference_deg"] = {

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.config import MAHONY, THESIS
-from strapdown.cores import ATTITUDE_CORES
+from strapdown.cores import ATTITUDE_CORES, MAHONY, THESIS
 from strapdown_sim.reference.ports import reference_outputs
 from strapdown_sim.stimuli.thesis import TABLES
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.algorithms.flight import FRAMES, field_correction, tilt_correction
-from strapdown.config import FLIGHT, FLIGHT_6AXIS
+from strapdown.cores import FLIGHT, FLIGHT_6AXIS
 from strapdown.cores.flight import ins_flight
 from strapdown.kernel.numeric import Float64
 from strapdown_sim.errors import rotation_angle
@@ -69,7 +69,7 @@ def compare(kernel, truth):
 def test_kernel_is_the_reference(frame):
     config = FLIGHT.replace(sample_rate_hz=RATE_HZ, frame=frame, rest_rate=3.0)
     accel, mag, gyro = samples(14)
-    truth = flight_filter(config, RATE_HZ).run(accel, mag, gyro)
+    truth = flight_filter(config).run(accel, mag, gyro)
     for name in "at_rest", "magnetometer_rejected", "accelerometer_missing", "range_exceeded":
         assert truth.status[name].any(), name
     compare(run_kernel(config, accel, mag, gyro), truth)
@@ -78,7 +78,7 @@ def test_kernel_is_the_reference(frame):
 def test_6_axes_and_turned_sensors():
     config = FLIGHT_6AXIS.replace(sample_rate_hz=RATE_HZ, accelerometer_axes="-y,+x,+z", gyro_axes="+z,-y,+x")
     accel, mag, gyro = samples(8)
-    compare(run_kernel(config, accel, mag, gyro), flight_filter(config, RATE_HZ).run(accel, None, gyro))
+    compare(run_kernel(config, accel, mag, gyro), flight_filter(config).run(accel, None, gyro))
 
 
 def test_turned_magnetometer_that_is_slower():
@@ -86,7 +86,7 @@ def test_turned_magnetometer_that_is_slower():
     accel, mag, gyro = samples(8)
     valid = np.arange(len(mag)) % 7 == 3
     compare(run_kernel(config, accel, mag, gyro, {"in_mag_valid": valid.astype(float)}),
-            flight_filter(config, RATE_HZ).run(accel, mag, gyro, mag_valid=valid))
+            flight_filter(config).run(accel, mag, gyro, mag_valid=valid))
 
 
 def test_period_and_gains_as_inputs():
@@ -97,7 +97,7 @@ def test_period_and_gains_as_inputs():
     period = np.random.default_rng(1).uniform(0.004, 0.016, len(accel))
     extra = {"in_period": period} | {f"in_{name}": np.full(len(accel), getattr(config, name)) for name in names}
     kernel = run_kernel(config, accel, mag, gyro, extra)
-    truth = flight_filter(config, RATE_HZ).run(accel, mag, gyro, period_s=period)
+    truth = flight_filter(config).run(accel, mag, gyro, period_s=period)
     q = np.stack([kernel[f"out_q{k}"] for k in range(4)], axis=-1)
     # Weights are short by less than x²/6 of themselves, x = 0.032 s/0.5 s at most: 7e-4 of some degrees.
     assert rotation_angle(q, truth.q_b2n).max() < 5e-3

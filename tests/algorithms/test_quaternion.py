@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.algorithms import quaternion
-from strapdown.config import QUATERNION_J2, QUATERNION_J3
-from strapdown.cores import quat_direct
+from strapdown.cores import QUATERNION_J2, QUATERNION_J3, quat_direct
 from strapdown.kernel.numeric import Float64
 from strapdown_sim.reference import quaternion as exact
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.algorithms import sins
-from strapdown.config import SINS, SINS_DAMPED
-from strapdown.cores import sins_top
+from strapdown.cores import SINS, SINS_DAMPED, sins_top
 from strapdown.kernel.numeric import Float64
 from strapdown.kernel.system import leaves
 from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_from_geodetic, rest_errors

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.config import THESIS, THESIS_COMPACT, THESIS_FAST
-from strapdown.cores import ATTITUDE_CORES
+from strapdown.cores import ATTITUDE_CORES, THESIS, THESIS_COMPACT, THESIS_FAST
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.reference.attitude import ComplementaryFilter

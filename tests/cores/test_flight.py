@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from strapdown.config import CONFIGS, FLIGHT, FLIGHT_6AXIS, THESIS, ConfigError, FlightConfig
-from strapdown.cores import ins_flight
+from strapdown.config import ConfigError
+from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MODULES, THESIS, ins_flight
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.recordings import read_recording
@@ -23,17 +23,16 @@ MORE_OUTPUTS = names("out_q{}", "0 1 2 3") | names("out_bias{}", "x y z") | name
 
 
 def test_configurations_go_by_their_names():
-    assert {name: config.name for name, config in CONFIGS.items() if isinstance(config, FlightConfig)} == {
-        "flight": "flight", "flight_6axis": "flight_6axis"}
+    assert [config.name for config in MODULES["INS_flight"]] == ["flight", "flight_6axis"]
 
 
 @pytest.mark.parametrize(("change", "message"), [
     ({"frame": "NEU"}, "configuration flight: frame must be 'NWU', 'ENU' or 'NED', not 'NEU'"),
     ({"inputs": "ramp_time,gain"},
-     "configuration flight: inputs must name parameters of the filter, which gain is not, not ('ramp_time', 'gain')"),
+     "configuration flight: inputs must name parameters of the filter, which gain is not, not 'ramp_time,gain'"),
     ({"acceleration_time": 0}, "configuration flight: acceleration_time must be greater than 0, not 0"),
     ({"gyro_axes": "+x,+y,+y"}, "configuration flight: gyro_axes must name each sensor axis once, with its sign, as in "
-                                "+y,-x,+z, not ('+x', '+y', '+y')"),
+                                "+y,-x,+z, not '+x,+y,+y'"),
 ])
 def test_errors_are_one_line(change, message):
     with pytest.raises(ConfigError) as error:

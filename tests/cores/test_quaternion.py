@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.config import QUATERNION_J2, QUATERNION_J3
+from strapdown.cores import QUATERNION_J2, QUATERNION_J3
 from strapdown.export import write_core
 from strapdown.fp import BINARY64, Subnormals
 from strapdown.kernel.pool import Pool

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.config import SINS, SINS_DAMPED
-from strapdown.cores import sins_top
+from strapdown.cores import SINS, SINS_DAMPED, sins_top
 from strapdown.export import write_core
 from strapdown.fp import BINARY32, Subnormals
 from strapdown.kernel.pool import Pool

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from strapdown.config import THESIS_X8, ConfigError
-from strapdown.cores import make_core, modules_of
+from strapdown.config import ConfigError
+from strapdown.cores import THESIS_X8, make_core, modules_of
 from strapdown.export import description, write_core
 from strapdown_sim.drivers.stream import RESET, StreamModel
 

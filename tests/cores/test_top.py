@@ -8,8 +8,7 @@ import pytest
 from amaranth import *
 from amaranth.lib.wiring import In, Out
 
-from strapdown.config import QUATERNION_J3, THESIS
-from strapdown.cores import Top, Wrapper
+from strapdown.cores import QUATERNION_J3, THESIS, Top, Wrapper
 from strapdown.export import write
 from strapdown.kernel.description import Port, Section
 from strapdown_sim.drivers.toolchain import SimulatorMissingError

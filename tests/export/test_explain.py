@@ -1,8 +1,7 @@
 import inspect
 
 from strapdown.algorithms import attitude
-from strapdown.config import THESIS
-from strapdown.cores import make_core
+from strapdown.cores import THESIS, make_core
 from strapdown.export.explain import explain_cycle, explain_line, microprogram_listing
 
 PROGRAM = make_core("INS_matx", THESIS).engine.program

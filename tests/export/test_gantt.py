@@ -1,5 +1,4 @@
-from strapdown.config import THESIS
-from strapdown.cores import make_core
+from strapdown.cores import THESIS, make_core
 from strapdown.export.gantt import schedule_picture, schedule_summary
 
 

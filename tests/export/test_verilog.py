@@ -6,8 +6,7 @@ import sys
 
 import pytest
 
-from strapdown.config import MAHONY, THESIS
-from strapdown.cores import ATTITUDE_CORES
+from strapdown.cores import ATTITUDE_CORES, MAHONY, THESIS
 from strapdown.export import verilog_text, write_core
 from strapdown.export.tidy import KEYWORDS
 from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_environment, verilator_root

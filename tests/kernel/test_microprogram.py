@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.config import THESIS
-from strapdown.cores import ATTITUDE_CORES
+from strapdown.cores import ATTITUDE_CORES, THESIS
 from strapdown.kernel.microprogram import Microprogram
 from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool

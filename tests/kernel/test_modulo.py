@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from strapdown.config.stream import THESIS_X8
+from strapdown.cores import THESIS_X8
 from strapdown.cores.attitude import ins_acc, ins_top
 from strapdown.kernel.modulo import modulo_schedule
 from strapdown.kernel.operators import Adder

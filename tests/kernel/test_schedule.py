@@ -3,8 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from strapdown.config import THESIS
-from strapdown.cores import ATTITUDE_CORES
+from strapdown.cores import ATTITUDE_CORES, THESIS
 from strapdown.kernel.operators import Adder, Divider, Multiplier
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.schedule import schedule

@@ -5,7 +5,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from strapdown.config.stream import THESIS_X8
+from strapdown.cores import THESIS_X8
 from strapdown.cores.attitude import ins_top
 from strapdown.kernel.modulo import modulo_schedule
 from strapdown.kernel.stream_program import PLAIN, STATE, TURNED, StreamProgram

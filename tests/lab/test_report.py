@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from strapdown.cli import main
-from strapdown.config import THESIS
+from strapdown.cores import THESIS
 from strapdown.export import write_core
 from strapdown_lab import docs
 from strapdown_lab.checkout import block

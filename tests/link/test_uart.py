@@ -13,9 +13,8 @@ from amaranth.lib.wiring import In, Out
 from click.testing import CliRunner
 
 from strapdown.cli import main
-from strapdown.config import SINS
-from strapdown.config.sins import DOUBLE_POOL
-from strapdown.cores import Top, UartLink
+from strapdown.cores import SINS, Top, UartLink
+from strapdown.cores.sins import DOUBLE_POOL
 from strapdown.export import write
 from strapdown.fp import BINARY16, Subnormals
 from strapdown.kernel.engine import Engine

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.config import FLIGHT
+from strapdown.cores import FLIGHT
 from strapdown_sim.errors import attitude_errors, conjugate, multiply, rotation_angle
 from strapdown_sim.reference.attitude import matrix_from_quaternion
 from strapdown_sim.reference.flight import FRAME_QUATERNIONS, STATUS, FlightFilter

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from strapdown.config import MAHONY
+from strapdown.cores import MAHONY
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_sim.recordings import read_recording

@@ -2,8 +2,7 @@
 
 import click
 
-from strapdown.config import CONFIGS
-from strapdown.cores import MODULES, modules_of, system_of
+from strapdown.cores import CONFIGS, MODULES, system_of
 
 __all__ = ["list_configurations"]
 
@@ -15,6 +14,5 @@ def list_configurations():
     for config in CONFIGS.values():
         click.echo(f"  {config.name:<16}{config.description}")
     click.echo("\nModules (--module NAME), each with the first configuration that has it:")
-    for name in MODULES:
-        config = next(config for config in CONFIGS.values() if name in modules_of(config))
+    for name, (config, *_) in MODULES.items():
         click.echo(f"  {name:<12}{config.name:<16}{system_of(name, config).title}")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import click
 
-from strapdown.config import CONFIGS, Config, ConfigError
-from strapdown.cores import main_module, make_core, modules_of
+from strapdown.config import Config, ConfigError
+from strapdown.cores import CONFIGS, main_module, make_core, modules_of
 
 __all__ = ["UserError", "changed", "config_options", "core_of", "named_configuration", "target_of", "writing"]
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import click
 
-from strapdown.config import SINS
-from strapdown.cores import modules_of, uart_core
+from strapdown.cores import SINS, modules_of, uart_core
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.export import write, write_core
 

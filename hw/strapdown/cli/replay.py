@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from strapdown.config import AttitudeConfig, ConfigError, FlightConfig
+from strapdown.config import ConfigError
 from strapdown.cores import main_module
 
 from .common import UserError, config_options, target_of, writing
@@ -32,11 +32,12 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
 
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.recordings import RecordingError, read_recording
+    from strapdown_sim.replay import REFERENCES
     from strapdown_sim.replay import replay as run
 
     config, _, options = target_of(None, config_name, changes)
-    if not isinstance(config, AttitudeConfig | FlightConfig):
-        raise UserError(f"recordings go through INS_top or INS_flight, and {config.name} is of {main_module(config)}")
+    if (module := main_module(config)) not in REFERENCES:
+        raise UserError(f"recordings go through {' or '.join(REFERENCES)}, and {config.name} is of {module}")
     try:
         data = read_recording(recording, sample_rate_hz=sample_rate_hz)
     except RecordingError as error:

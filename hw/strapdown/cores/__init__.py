@@ -7,5 +7,4 @@ from .flight import *
 from .link import *
 from .quaternion import *
 from .sins import *
-from .stream import *
 from .top import *

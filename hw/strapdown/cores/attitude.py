@@ -1,19 +1,34 @@
-"""The attitude cores of the 2015 thesis: which equations stand behind which module and ports."""
+"""The complementary attitude filter of the 2015 thesis: INS_acc to INS_top, and INS_top_x8 for eight IMUs."""
+
+from typing import ClassVar
+
+from pydantic import Field
 
 from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
 from strapdown.algorithms.vector import scale
-from strapdown.kernel.system import System
+from strapdown.config import Axes, Config
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
+from strapdown.kernel.pool import MemoryStyle, Pool
+from strapdown.kernel.system import System, matrix, vector
 
-__all__ = ["ATTITUDE_CORES"]
+__all__ = ["ATTITUDE_CORES", "AttitudeConfig", "MAHONY", "THESIS", "THESIS_COMPACT", "THESIS_FAST", "THESIS_X8"]
 
 
-def _vector(pattern, names="xyz"):
-    return tuple(pattern.format(name) for name in names)
+class AttitudeConfig(Config):
+    """Parameters of the complementary attitude filter (INS_acc … INS_top)."""
 
+    kp: float = Field(ge=0, le=1e6, allow_inf_nan=False,
+                      description="proportional gain Kp, rad/s per unit error")
+    ki: float = Field(ge=0, le=1e6, allow_inf_nan=False,
+                      description="integral gain Ki, rad/s² per unit error")
+    magnetometer_axes: Axes = Field(description="sensor axes of the magnetometer that lie along body x, y and z")
 
-def _matrix(pattern):
-    return tuple(tuple(pattern.format(f"{row}{column}") for column in "123") for row in "123")
+    frame: ClassVar[str] = "NWU"
+
+    def systems(self):
+        """The modules of the thesis, INS_top last."""
+        return ATTITUDE_CORES
 
 
 MEANINGS = {
@@ -48,8 +63,8 @@ def ins_acc(config):
         "INS_acc", "error of the vertical, from the accelerometer", equations,
         kernels=(attitude.accelerometer_error,), meanings=MEANINGS,
         sections=("ACC",), start="in_acc_en", finish="out_acc_finish",
-        inputs={"a": _vector("in_acc{}"), "v": _vector("in_c{}", ("13", "23", "33"))},
-        outputs={"e_a": _vector("out_e{}a")})
+        inputs={"a": vector("in_acc{}"), "v": vector("in_c{}", ("13", "23", "33"))},
+        outputs={"e_a": vector("out_e{}a")})
 
 
 def ins_mag(config):
@@ -62,8 +77,8 @@ def ins_mag(config):
         "INS_mag", "error against the horizontal field, from the magnetometer", equations,
         kernels=(attitude.magnetometer_error,), meanings=MEANINGS,
         sections=("MAG",), start="in_mag_en", finish="out_mag_finish",
-        inputs={"m": _vector("in_mag{}"), "c": _matrix("in_c{}")},
-        outputs={"e_m": _vector("out_e{}m")})
+        inputs={"m": vector("in_mag{}"), "c": matrix("in_c{}")},
+        outputs={"e_m": vector("out_e{}m")})
 
 
 def ins_gyro(config):
@@ -78,9 +93,9 @@ def ins_gyro(config):
         "INS_gyro", "angular rate, corrected by both errors and their integral", equations,
         kernels=(attitude.rate_correction,), meanings=MEANINGS,
         sections=("GYRO",), start="in_gyro_en", finish="out_gyro_finish",
-        inputs={"g": _vector("in_gyro{}"), "e_a": _vector("in_e{}a"), "e_m": _vector("in_e{}m"),
-                "i": _vector("in_e{}i")},
-        outputs={"i": _vector("out_e{}i"), "omega": _vector("out_w{}")})
+        inputs={"g": vector("in_gyro{}"), "e_a": vector("in_e{}a"), "e_m": vector("in_e{}m"),
+                "i": vector("in_e{}i")},
+        outputs={"i": vector("out_e{}i"), "omega": vector("out_w{}")})
 
 
 def ins_quat(config):
@@ -92,8 +107,8 @@ def ins_quat(config):
         "INS_quat", "quaternion one sample period later", equations,
         kernels=(attitude.quaternion_update,), meanings=MEANINGS,
         sections=("QUAT",), start="in_quat_en", finish="out_quat_finish",
-        inputs={"q": _vector("in_q{}", "0123"), "omega": _vector("in_w{}")},
-        outputs={"q": _vector("out_q{}", "0123")})
+        inputs={"q": vector("in_q{}", "0123"), "omega": vector("in_w{}")},
+        outputs={"q": vector("out_q{}", "0123")})
 
 
 def ins_matx(config):
@@ -105,7 +120,7 @@ def ins_matx(config):
         "INS_matx", "matrix from quaternion", equations,
         kernels=(attitude.matrix_from_quaternion,), meanings=MEANINGS,
         sections=("MATX",), start="in_matx_en", finish="out_matx_finish",
-        inputs={"q": _vector("in_q{}", "0123")}, outputs={"c": _matrix("out_c{}")})
+        inputs={"q": vector("in_q{}", "0123")}, outputs={"c": matrix("out_c{}")})
 
 
 def ins_euler(config):
@@ -120,8 +135,8 @@ def ins_euler(config):
         "INS_euler", "pitch, roll and yaw from the matrix", equations,
         kernels=(attitude.euler_angles,), meanings=MEANINGS,
         sections=("EULER",), start="in_euler_en", finish="out_euler_finish",
-        inputs={"c": _vector("in_c{}", ("11", "12", "13", "23", "33"))},
-        outputs={"angles": _vector("out_{}", ("pitch", "roll", "yaw"))})
+        inputs={"c": vector("in_c{}", ("11", "12", "13", "23", "33"))},
+        outputs={"angles": vector("out_{}", ("pitch", "roll", "yaw"))})
 
 
 def ins_atan(config):
@@ -142,19 +157,49 @@ def ins_top(config):
         return attitude.attitude_update(xp, axes=config.magnetometer_axes, period=config.period_s,
                                         kp=config.kp, ki=config.ki, **arguments)
 
-    state = {"q": _vector("q{}", "0123"), "c": _matrix("c{}"), "i": _vector("i{}")}
-    reset = dict.fromkeys((*state["q"], *(word for row in state["c"] for word in row), *state["i"]), 0.0)
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
         kernels=KERNELS, meanings=MEANINGS,
         sections=("ACC_MAG", "GYRO", "QUAT", "MATX", "EULER"),
         start="in_data_en", finish="out_INS_finish",
-        inputs={"a": _vector("in_acc{}"), "m": _vector("in_mag{}"), "g": _vector("in_gyro{}")},
-        outputs={"c": _matrix("out_c{}"), "angles": _vector("out_{}", ("pitch", "roll", "yaw"))},
-        state=state, reset=reset | dict.fromkeys(("q0", "c11", "c22", "c33"), 1.0),
+        inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}")},
+        outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw"))},
+        state={"q": vector("q{}", "0123"), "c": matrix("c{}"), "i": vector("i{}")},
+        reset=dict.fromkeys(("q0", "c11", "c22", "c33"), 1.0),
         status=("accelerometer_missing", "magnetometer_missing"), status_port="out_status")
 
 
 ATTITUDE_CORES = {"INS_acc": ins_acc, "INS_mag": ins_mag, "INS_gyro": ins_gyro, "INS_quat": ins_quat,
                   "INS_matx": ins_matx, "INS_euler": ins_euler, "INS_atan": ins_atan, "INS_top": ins_top}
 """Module name to the function that makes its System for an AttitudeConfig."""
+
+
+THESIS = AttitudeConfig(
+    name="thesis",
+    description="the 2015 thesis: 500 Hz, Kp 10, Ki·T 0.001, magnetometer turned by 90 degrees",
+    sample_rate_hz=500, kp=10, ki=0.5, magnetometer_axes=("+y", "-x", "+z"))
+
+THESIS_COMPACT = THESIS.replace(
+    name="thesis_compact", description="the same, small: one operation after another, atan2 without a unit of its own",
+    pool=Pool(operators=(Adder(), Multiplier(), Divider(), Selector()),
+              forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK))
+
+THESIS_FAST = THESIS.replace(
+    name="thesis_fast", description="the same, fast: several operators of each kind",
+    pool=Pool(operators=(Adder(count=2, latency=4), Multiplier(count=3), Divider(count=2, bits_per_cycle=2),
+                         Arctangent(count=3), Selector()),
+              side_memory=True))
+
+MAHONY = AttitudeConfig(
+    name="mahony",
+    description="the same filter with Kp 0.5, Ki 0, all sensors along the body axes, any sample rate",
+    sample_rate_hz=500, kp=0.5, ki=0, magnetometer_axes=("+x", "+y", "+z"))
+
+THESIS_X8 = THESIS.replace(
+    name="thesis_x8", description="eight IMUs on one core, each with the filter of the 2015 thesis",
+    # The clock rate counts, not the latency of an operation: iterative operators take one step a cycle,
+    # and there are as many of them as the interval needs.
+    channels=8, interval=106,
+    pool=Pool(operators=(Adder(latency=5), Multiplier(latency=4), Divider(count=2, bits_per_cycle=1),
+                         Arctangent(steps_per_cycle=1), Selector()),
+              forwarding=False, operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED))

@@ -1,57 +1,53 @@
-"""Which modules a configuration has, and the core for one of them."""
+"""The named configurations, the modules that they have, and the core of a module."""
 
-from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
-from strapdown.config import CONFIGS, AttitudeConfig, FlightConfig, QuaternionConfig, SinsConfig, StreamConfig
 from strapdown.kernel.stream import StreamEngine
 
-from .attitude import ATTITUDE_CORES
+from .attitude import MAHONY, THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8
 from .core import Core
-from .flight import FLIGHT_CORES
-from .quaternion import QUATERNION_CORES
-from .sins import SINS_CORES
-from .stream import ins_top_stream
+from .flight import FLIGHT, FLIGHT_6AXIS
+from .quaternion import QUATERNION_J2, QUATERNION_J3
+from .sins import SINS, SINS_DAMPED
 
-__all__ = ["MODULES", "main_module", "make_core", "modules_of", "system_of"]
+__all__ = ["CONFIGS", "MODULES", "main_module", "make_core", "modules_of", "system_of"]
 
-_SYSTEMS: dict[Any, dict[str, Callable]] = {
-    AttitudeConfig: ATTITUDE_CORES, FlightConfig: FLIGHT_CORES, QuaternionConfig: QUATERNION_CORES,
-    SinsConfig: SINS_CORES}
-
-
-def _systems(config) -> dict[str, Callable]:
-    """Module name to the function that makes its System."""
-    if isinstance(config, StreamConfig):
-        return {f"INS_top_x{config.channels}": ins_top_stream}
-    return _SYSTEMS[type(config)]
+CONFIGS = {config.name: config for config in (
+    THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8, MAHONY, FLIGHT, FLIGHT_6AXIS, QUATERNION_J2, QUATERNION_J3,
+    SINS, SINS_DAMPED)}
+"""All named configurations, by name."""
 
 
 def modules_of(config):
-    """Names of the modules that a configuration has."""
-    return tuple(_systems(config))
+    """Names of the modules that a configuration has; with several channels the main module only."""
+    modules = tuple(config.systems())
+    return modules if config.channels == 1 else (f"{modules[-1]}_x{config.channels}",)
 
 
 def main_module(config):
-    """The module that does all that a configuration is for."""
+    """The module that has all the functions of a configuration."""
     return modules_of(config)[-1]
 
 
 def system_of(module, config):
     """Equations and interface of a module. Raises: ValueError if the configuration has no such module."""
-    systems = _systems(config)
-    if module not in systems:
-        raise ValueError(f"configuration {config.name} has {', '.join(systems)}, not {module}")
-    return systems[module](config)
+    if module not in (modules := modules_of(config)):
+        raise ValueError(f"configuration {config.name} has {', '.join(modules)}, not {module}")
+    systems = config.systems()
+    if config.channels == 1:
+        return systems[module](config)
+    system = systems[module.removesuffix(f"_x{config.channels}")](config)
+    return replace(system, name=module, title=f"{system.title}, {config.channels} channels")
 
 
 def make_core(module, config):
     """A Core, scheduled and ready to be elaborated. Raises: as ``system_of``."""
     system = system_of(module, config)
-    if isinstance(config, StreamConfig):
-        return Core(system, config.pool, engine=StreamEngine, channels=config.channels, interval=config.interval)
-    return Core(system, config.pool)
+    if config.channels == 1:
+        return Core(system, config.pool)
+    return Core(system, config.pool, engine=StreamEngine, channels=config.channels, interval=config.interval)
 
 
-MODULES = tuple(dict.fromkeys(name for config in CONFIGS.values() for name in modules_of(config)))
-"""Names of all modules of the named configurations."""
+MODULES = {name: tuple(config for config in CONFIGS.values() if name in modules_of(config))
+           for name in dict.fromkeys(name for config in CONFIGS.values() for name in modules_of(config))}
+"""Module name to the named configurations that have it."""

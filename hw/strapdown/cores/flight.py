@@ -1,9 +1,72 @@
 """INS_flight: the flight attitude filter under the ports of INS_top, and more."""
 
-from strapdown.algorithms import attitude, flight
-from strapdown.kernel.system import System
+from typing import Annotated, Literal
 
-__all__ = ["FLIGHT_CORES", "ins_flight"]
+from pydantic import AfterValidator, Field
+
+from strapdown.algorithms import attitude, flight
+from strapdown.algorithms.flight import Parameters
+from strapdown.config import Axes, Config, Gain, Names, Positive
+from strapdown.kernel.system import System, matrix, vector
+
+__all__ = ["FLIGHT", "FLIGHT_6AXIS", "FlightConfig", "ins_flight"]
+
+def _parameter_names(names):
+    if unknown := [name for name in names if name not in Parameters._fields]:
+        raise ValueError(f"must name parameters of the filter, which {unknown[0]} is not")
+    return names
+
+
+class FlightConfig(Config):
+    """Parameters of the flight attitude filter (INS_flight); see docs/flight.md."""
+
+    frame: Literal["NWU", "ENU", "NED"] = Field(default="NWU", description="navigation frame")
+    magnetometer: bool = Field(default=True, description="whether there is one: 9 axes, or 6")
+    accelerometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
+    gyro_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
+    magnetometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
+    period_input: bool = Field(default=False, description="whether the period of each sample is an input")
+    mag_valid_input: bool = Field(default=False, description="whether an input tells which field samples count")
+    inputs: Annotated[Names, AfterValidator(_parameter_names)] = Field(
+        default=(), description="parameters that are inputs at run time, not constants")
+
+    accelerometer_gain: Positive = Field(default=0.5, description="correction of tilt, rad/s per rad")
+    magnetometer_gain: Gain = Field(default=0.1, description="correction of heading, rad/s per rad")
+    acceleration_time: Positive = Field(default=1.5, description="time constant of the earth-frame low-pass, s")
+    rest_rate: Positive = Field(default=2.0, description="rest: rate about its own average, deg/s")
+    rest_acceleration: Positive = Field(default=0.05, description="rest: specific force about its average, g")
+    rest_time: Gain = Field(default=1.5, description="time without motion that counts as rest, s")
+    rest_average_time: Positive = Field(default=0.5, description="time constant of the gyro's average, s")
+    bias_limit: Positive = Field(default=2.0, description="longest bias vector of the gyro, deg/s")
+    bias_gain: Gain = Field(default=0.04, description="learning of bias before the first rest, rad/s² per rad")
+    bias_gain_after_rest: Gain = Field(default=0.005, description="the same after it")
+    field_tolerance: Positive = Field(default=0.16, description="deviation at which a field is not believed at all")
+    field_time: Positive = Field(default=20.0, description="time constant of the field's reference, s")
+    field_recovery_time: Positive = Field(default=60.0, description="the same while the field is not believed, s")
+    ramp_gain: Gain = Field(default=10.0, description="added to both gains at the start, rad/s per rad")
+    ramp_time: Positive = Field(default=3.0, description="time in which that falls to zero, s")
+    gyro_range: Positive = Field(default=2000.0, description="longest rate that the gyro measures, deg/s")
+    accelerometer_range: Positive = Field(
+        default=157.0, description="longest specific force that the accelerometer measures, in its own unit")
+
+    @property
+    def parameters(self):
+        """Gains, times and limits as strapdown.algorithms.flight.Parameters."""
+        return Parameters(**{name: getattr(self, name) for name in Parameters._fields})
+
+    @property
+    def axes(self):
+        """Axes of the sensors by the kernel's names."""
+        return {"a": self.accelerometer_axes, "g": self.gyro_axes, "m": self.magnetometer_axes}
+
+    def systems(self):
+        """INS_flight."""
+        return {"INS_flight": ins_flight}
+
+    def constant_inputs(self):
+        """Period, magnetometer present, and the parameters that are inputs."""
+        return {"period": self.period_s, "mag_valid": 1.0} | {name: getattr(self, name) for name in self.inputs}
+
 
 STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
           "range_exceeded")
@@ -11,14 +74,6 @@ STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest"
 
 KERNELS = (flight.flight_update, flight.turned, flight.matrix_of_turn, flight.low_pass,
            flight.tilt_correction, flight.field_correction, flight.bias_update, attitude.euler_angles)
-
-
-def _vector(pattern, names="xyz"):
-    return tuple(pattern.format(name) for name in names)
-
-
-def _matrix(pattern):
-    return tuple(tuple(pattern.format(f"{row}{column}") for column in "123") for row in "123")
 
 
 def _meanings(config):
@@ -49,34 +104,38 @@ def ins_flight(config):
         return flight.flight_update(xp, period=period, parameters=parameters, frame=frame, axes=config.axes,
                                     **arguments)
 
-    inputs: dict = {"a": _vector("in_acc{}")}
-    state = {"q": _vector("q{}", "0123"), "pending": _vector("p{}"), "first": _vector("f{}"), "second": _vector("s{}"),
-             "mean": _vector("mean{}"), "bias": _vector("bias{}"),
+    inputs: dict = {"a": vector("in_acc{}")}
+    state = {"q": vector("q{}", "0123"), "pending": vector("p{}"), "first": vector("f{}"), "second": vector("s{}"),
+             "mean": vector("mean{}"), "bias": vector("bias{}"),
              "clock": "clock", "rest_clock": "rest_clock", "rested": "rested"}
     reset = {"q0": 1.0, "clock": -float(flight.ALIGNMENTS), "rested": -1.0}
     if config.magnetometer:
-        inputs["m"] = _vector("in_mag{}")
+        inputs["m"] = vector("in_mag{}")
         state |= {"reference": ("field_level", "field_up"), "field_clock": "field_clock", "field_age": "field_age"}
         reset["field_clock"] = -float(flight.ALIGNMENTS)
-    inputs["g"] = _vector("in_gyro{}")
+    inputs["g"] = vector("in_gyro{}")
     if config.mag_valid_input and config.magnetometer:
         inputs["mag_valid"] = "in_mag_valid"
     if config.period_input:
         inputs["period"] = "in_period"
     inputs |= {name: f"in_{name}" for name in config.inputs}
-    words = [word for names in state.values() for word in ((names,) if isinstance(names, str) else names)]
     return System(
         "INS_flight", "flight attitude filter: " + ("9 axes" if config.magnetometer else "6 axes"), equations,
         kernels=KERNELS, meanings=_meanings(config),
         sections=("GYRO", "QUAT", "MATX", "ACC_MAG", "EULER"),
         start="in_data_en", finish="out_INS_finish", inputs=inputs,
-        outputs={"c": _matrix("out_c{}"), "angles": _vector("out_{}", ("pitch", "roll", "yaw")),
-                 "q": _vector("out_q{}", "0123"), "bias": _vector("out_bias{}"), "earth": _vector("out_earth{}"),
-                 "linear": _vector("out_linear{}")},
-        state=state, reset=dict.fromkeys(words, 0.0) | reset,
+        outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw")),
+                 "q": vector("out_q{}", "0123"), "bias": vector("out_bias{}"), "earth": vector("out_earth{}"),
+                 "linear": vector("out_linear{}")},
+        state=state, reset=reset,
         status=tuple(name for name in STATUS if config.magnetometer or not name.startswith("magnetometer")),
         status_port="out_status")
 
 
-FLIGHT_CORES = {"INS_flight": ins_flight}
-"""Module name to the function that makes its System for a FlightConfig."""
+FLIGHT = FlightConfig(
+    name="flight", description="9-axis flight filter: motion, shocks and magnetic disturbance, bias learnt",
+    sample_rate_hz=500)
+
+FLIGHT_6AXIS = FlightConfig(
+    name="flight_6axis", description="the same without magnetometer: heading is the gyro's alone",
+    sample_rate_hz=500, magnetometer=False)

@@ -1,11 +1,42 @@
 """QUAT_direct: quaternion propagated straight from body rates (source 001)."""
 
+import math
 from collections.abc import Callable
+from typing import Literal
+
+from pydantic import Field
 
 from strapdown.algorithms import quaternion
-from strapdown.kernel.system import System
+from strapdown.config import Config
+from strapdown.design import METHODS
+from strapdown.kernel.system import System, vector
 
-__all__ = ["QUATERNION_CORES", "quat_direct"]
+__all__ = ["QUATERNION_J2", "QUATERNION_J3", "QuaternionConfig", "quat_direct"]
+
+class QuaternionConfig(Config):
+    """Parameters of QUAT_direct."""
+
+    rate_max_deg_s: float = Field(gt=0, allow_inf_nan=False,
+                                  description="largest length of the rate vector, for which coefficients are designed")
+    order: int = Field(ge=2, le=8, description="order j of the polynomials in u = (|omega|·T)²")
+    method: Literal["least-squares", "minimax"] = Field(
+        default="minimax", description="how coefficients are found: the patent's way or with the least largest error")
+    renormalise_every: int = Field(default=0, ge=0, le=1_000_000,
+                                   description="updates from one renormalisation to the next; 0: never")
+    coning: bool = Field(default=False, description="two rates an update, of the halves of T, with coning correction")
+
+    @property
+    def coefficients(self):
+        """The coefficient vectors a0 and d0: a strapdown.design.TransitionCoefficients.
+
+        Raises: ValueError if the largest rate turns too far in one update.
+        """
+        return METHODS[self.method](self.order, math.radians(self.rate_max_deg_s) * self.period_s)
+
+    def systems(self):
+        """QUAT_direct."""
+        return {"QUAT_direct": quat_direct}
+
 
 MEANINGS = {
     "omega": "angular rate p, q, r, body axes, rad/s, mean over the update period",
@@ -27,25 +58,29 @@ def quat_direct(config):
             xp, e, first if config.coning else omega, load, start, a0=coefficients.a0, d0=coefficients.d0,
             period=config.period_s, renormalise=config.renormalise_every, count=count, second=second)
 
-    rates = ({"first": ("in_p", "in_q", "in_r"), "second": ("in_p2", "in_q2", "in_r2")} if config.coning
-             else {"omega": ("in_p", "in_q", "in_r")})
+    rates = ({"first": vector("in_{}", "pqr"), "second": vector("in_{}2", "pqr")} if config.coning
+             else {"omega": vector("in_{}", "pqr")})
     kernels: list[Callable] = [quaternion.transition_coefficients, quaternion.transition]
     if config.coning:
         kernels.insert(0, quaternion.coning_correction)
     if config.renormalise_every:
         kernels.append(quaternion.renormalisation)
-    state: dict[str, object] = {"e": ("e0", "e1", "e2", "e3")}
+    state: dict[str, object] = {"e": vector("e{}", "0123")}
     if config.renormalise_every > 1:
         state["count"] = "count"
     return System(
         "QUAT_direct", "quaternion one update period later, straight from body rates", equations,
         kernels=tuple(kernels), meanings=MEANINGS, sections=("PROPAGATE",),
         start="in_rate_en", finish="out_quat_finish",
-        inputs=rates | {"load": "in_load_en", "start": ("in_e0", "in_e1", "in_e2", "in_e3")},
-        outputs={"e": ("out_e0", "out_e1", "out_e2", "out_e3")},
-        state=state, reset={"e0": 1.0, "e1": 0.0, "e2": 0.0, "e3": 0.0} | ({"count": 0.0} if "count" in state else {}),
-        status_port="out_status")
+        inputs=rates | {"load": "in_load_en", "start": vector("in_e{}", "0123")},
+        outputs={"e": vector("out_e{}", "0123")},
+        state=state, reset={"e0": 1.0}, status_port="out_status")
 
 
-QUATERNION_CORES = {"QUAT_direct": quat_direct}
-"""Module name to the function that makes its System for a QuaternionConfig."""
+QUATERNION_J2 = QuaternionConfig(
+    name="quaternion_j2", description="500 Hz, up to 2000 deg/s, second order",
+    sample_rate_hz=500, rate_max_deg_s=2000, order=2)
+
+QUATERNION_J3 = QuaternionConfig(
+    name="quaternion_j3", description="500 Hz, up to 2000 deg/s, third order, renormalised in every update",
+    sample_rate_hz=500, rate_max_deg_s=2000, order=3, renormalise_every=1)

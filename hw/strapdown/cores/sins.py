@@ -1,17 +1,52 @@
 """SINS_top: strapdown inertial navigation from body rates and specific force (source 002)."""
 
 import math
+from typing import Literal
+
+import pydantic
+from pydantic import Field
 
 from strapdown.algorithms import sins
 from strapdown.algorithms.quaternion import polynomial
+from strapdown.config import Config
 from strapdown.design import METHODS
-from strapdown.kernel.system import System, leaves
+from strapdown.fp import BINARY64, Subnormals
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
+from strapdown.kernel.pool import MemoryStyle, Pool
+from strapdown.kernel.system import System, matrix, vector
 
-__all__ = ["SINS_CORES", "sins_top"]
+__all__ = ["SINS", "SINS_DAMPED", "SinsConfig", "sins_top"]
 
 EARTHS = {"source": sins.SOURCE_EARTH, "wgs84": sins.WGS84}
 ORDER = 3
 """Order of the attitude's polynomials: at 50 Hz and 400 deg/s they turn by 1e-14 rad too far in an update."""
+
+DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH),
+                   operators=(Adder(), Multiplier(), Divider(bits_per_cycle=2), Arctangent(), Selector()),
+                   operand_memory=MemoryStyle.BLOCK)
+"""Operators in binary64, operands in block RAM: there are more than LUTs would hold cheaply. The adder sets the clock
+frequency, so that two bits a cycle in the divider cost nothing."""
+
+
+class SinsConfig(Config):
+    """Parameters of SINS_top."""
+
+    sample_rate_hz: float = Field(gt=0, le=1000, allow_inf_nan=False, description="samples per second, 1/T")
+    earth: Literal["source", "wgs84"] = Field(default="source", description="constants of the earth")
+    alignment_samples: int = Field(default=3000, ge=2, le=1_000_000,
+                                   description="samples that a coarse alignment averages")
+    damping_s: float = Field(default=0, ge=0, le=1e5, allow_inf_nan=False,
+                             description="time constant of the vertical loop, s; 0: free, without altitude input")
+    rate_max_deg_s: float = Field(default=400, gt=0, allow_inf_nan=False,
+                                  description="largest rate, for which coefficients are designed; beyond: out of range")
+    force_max_m_s2: float = Field(default=160, gt=0, allow_inf_nan=False,
+                                  description="largest specific force; beyond: out of range")
+    pool: pydantic.InstanceOf[Pool] = Field(default=DOUBLE_POOL, description="operators of the engine")
+
+    def systems(self):
+        """SINS_top."""
+        return {"SINS_top": sins_top}
+
 
 MEANINGS = {
     "omega": "angular rate against inertial space, body axes (right, forward, up), rad/s, mean over the sample period",
@@ -36,14 +71,6 @@ KERNELS = (sins.earth_and_transport_rate, polynomial, sins.attitude_quaternion, 
            sins.alignment_quaternion, sins.navigation_angles, sins.north_east_velocity)
 
 
-def _vector(pattern, names="xyz"):
-    return tuple(pattern.format(name) for name in names)
-
-
-def _matrix(pattern):
-    return tuple(tuple(pattern.format(f"{row}{column}") for column in "123") for row in "123")
-
-
 def sins_top(config):
     """System of SINS_top for a SinsConfig.
 
@@ -58,12 +85,12 @@ def sins_top(config):
             damping=config.damping_s, a0=coefficients.a0, d0=coefficients.d0, rate_max=largest,
             force_max=config.force_max_m_s2)
 
-    inputs = {"omega": _vector("in_w{}"), "f": _vector("in_f{}"), "load": "in_load", "align": "in_align",
+    inputs = {"omega": vector("in_w{}"), "f": vector("in_f{}"), "load": "in_load", "align": "in_align",
               "place": ("in_sin_lat", "in_cos_lat", "in_sin_lon", "in_cos_lon"),
-              "start_v": _vector("in_v{}", ("east", "north", "up")), "start_h": "in_height",
-              "start_q": _vector("in_q{}", "0123")}
-    state = {"q": _vector("q{}", "0123"), "t": _matrix("t{}"), "c": _matrix("c{}"), "v": _vector("v{}"),
-             "half": _vector("half_{}"), "h": "h", "before": _vector("before_{}"), "force": _vector("force_{}"),
+              "start_v": vector("in_v{}", ("east", "north", "up")), "start_h": "in_height",
+              "start_q": vector("in_q{}", "0123")}
+    state = {"q": vector("q{}", "0123"), "t": matrix("t{}"), "c": matrix("c{}"), "v": vector("v{}"),
+             "half": vector("half_{}"), "h": "h", "before": vector("before_{}"), "force": vector("force_{}"),
              "left": "left"}
     if config.damping_s:
         inputs["altitude"], state["bias"] = "in_altitude", "bias"
@@ -74,14 +101,15 @@ def sins_top(config):
         sections=("MODE", "ALIGN", "RATES", "ATTITUDE", "VELOCITY", "POSITION", "OUTPUT"),
         start="in_data_en", finish="out_SINS_finish",
         inputs=inputs,
-        outputs={"attitude": _vector("out_{}", ("pitch", "roll", "heading")),
-                 "velocity": _vector("out_v{}", ("east", "north", "up")),
+        outputs={"attitude": vector("out_{}", ("pitch", "roll", "heading")),
+                 "velocity": vector("out_v{}", ("east", "north", "up")),
                  "position": ("out_latitude", "out_longitude"), "height": "out_height", "wander": "out_wander"},
         state=state,
         # At latitude and longitude zero, along east, north and up, waiting for a load.
-        reset=dict.fromkeys(leaves(state), 0.0) | dict.fromkeys(("q0", "t11", "t22", "t33", "c12", "c23", "c31"), 1.0),
+        reset=dict.fromkeys(("q0", "t11", "t22", "t33", "c12", "c23", "c31"), 1.0),
         status=("aligning", "navigating", "out_of_range"), status_port="out_status")
 
 
-SINS_CORES = {"SINS_top": sins_top}
-"""Module name to the function that makes its System for a SinsConfig."""
+SINS = SinsConfig(name="sins", description="50 Hz, free vertical channel", sample_rate_hz=50)
+SINS_DAMPED = SinsConfig(name="sins_damped", description="50 Hz, vertical channel damped by an altitude, 100 s",
+                         sample_rate_hz=50, damping_s=100)

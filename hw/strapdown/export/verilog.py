@@ -127,8 +127,9 @@ def _table(rows):
 
 
 def _configuration(config):
-    """A configuration as plain JSON values."""
+    """A configuration as plain JSON values; channels and interval only where there are several channels."""
+    hidden = {"pool"} if config.channels > 1 else {"pool", "channels", "interval"}
     return {
-        **{field: getattr(config, field) for field in type(config).model_fields if field != "pool"},
+        **{field: getattr(config, field) for field in type(config).model_fields if field not in hidden},
         **{name: value.value if isinstance(value, Enum) else value for name, value in config.pool.parameters.items()},
         "format": config.pool.format.name, "subnormals": config.pool.format.subnormals.value}

@@ -96,10 +96,8 @@ class Engine(SystemComponent):
 
     @property
     def reset_outputs(self):
-        """What the outputs show after a reset: the state's value where they are state, else zero."""
-        graph = self._program.schedule.graph
-        words = {node: word for word, node in graph.next_state.items()}
-        return {port: graph.state[words[node]] if node in words else 0.0 for port, node in graph.outputs.items()}
+        """Output port to the value that it shows after a reset."""
+        return self._program.schedule.graph.reset_outputs
 
     @property
     def latency(self):

@@ -1,5 +1,6 @@
 """A system: equations with names for what goes in, what is kept and what comes out."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -8,7 +9,10 @@ import numpy as np
 from .numeric import Float64, Twin
 from .trace import Tracer
 
-__all__ = ["System", "leaves"]
+__all__ = ["System", "leaves", "matrix", "vector"]
+
+FIRST_BLOCK, LARGEST_BLOCK = 256, 4096
+"""Samples of a run that are computed at once: at first, and at most."""
 
 
 def leaves(tree):
@@ -27,6 +31,32 @@ def shaped(tree, function):
     return function(tree)
 
 
+def _shape(tree):
+    """Shape of an array with an element for each leaf of nested tuples."""
+    return (len(tree), *_shape(tree[0])) if isinstance(tree, tuple) else ()
+
+
+def vector(pattern, names="xyz"):
+    """Names of a vector's components: ``pattern`` with each of ``names`` in place of its braces."""
+    return tuple(pattern.format(name) for name in names)
+
+
+def matrix(pattern):
+    """Names of the elements of a 3×3 matrix, by rows: ``pattern`` with 11 to 33 in place of its braces."""
+    return tuple(vector(pattern, (f"{row}{column}" for column in "123")) for row in "123")
+
+
+class Rounded(Float64):
+    """The namespace in which a kernel computes on NumPy's numbers of another type than float64."""
+
+    def __init__(self, dtype):
+        self._dtype = dtype
+
+    def select(self, condition, a, b):  # type: ignore[override]
+        """As NumPy's ``where``, which makes float64 of two of Python's floats."""
+        return np.where(condition, a, b).astype(self._dtype)[()]
+
+
 @dataclass(frozen=True)
 class System:
     """Equations and their interface.
@@ -43,7 +73,7 @@ class System:
     state : dict
         Argument name to the names of its words, nested likewise.
     reset : dict
-        State word to its value after reset.
+        State word to its value after reset; all words that are left out are zero.
     status : tuple of str
         Conditions of the kernel that are shown as status bits, lowest first.
     sections : tuple of str
@@ -74,6 +104,12 @@ class System:
     status: tuple[str, ...] = ()
     status_port: str = ""
 
+    def __post_init__(self):
+        words = dict.fromkeys(leaves(self.state), 0.0)
+        if unknown := [word for word in self.reset if word not in words]:
+            raise ValueError(f"reset must name words of the state, which {unknown[0]} is not")
+        object.__setattr__(self, "reset", words | self.reset)
+
     @property
     def input_ports(self):
         """Names of the data inputs, in order."""
@@ -89,6 +125,76 @@ class System:
         """Data port to its meaning, unit and frame."""
         return {port: self.meanings.get(name, "") for group in (self.inputs, self.outputs)
                 for name, tree in group.items() for port in leaves(tree)}
+
+    def bind(self, **values):
+        """Numbers for all input ports, from arrays with the nesting of the kernel's arguments.
+
+        Parameters
+        ----------
+        **values
+            For each name in ``inputs`` an array of shape (..., 3) for a vector of three, (..., 3, 3) for a
+            matrix, (...) for a scalar, in the unit of its ports. The leading axes broadcast.
+
+        Returns
+        -------
+        dict
+            Input port to an array of the leading axes' shape.
+
+        Raises: TypeError for a name that is missing or unknown; ValueError for a shape that does not fit.
+        """
+        if missing := [name for name in self.inputs if name not in values]:
+            raise TypeError(f"{self.name} lacks the input {missing[0]!r}: give {', '.join(self.inputs)}")
+        return self._bound("input", self.inputs, values)
+
+    def bind_state(self, **values):
+        """Numbers for all words of the state, as ``bind`` gives them for inputs; a name left out has its reset value.
+
+        Raises: TypeError for a name that is unknown; ValueError for a shape that does not fit.
+        """
+        reset = self.read(self.reset, self.state)
+        return self._bound("state", self.state, reset | values)
+
+    def read(self, result, names=None):
+        """Arrays with the nesting of the kernel, from numbers by port or word: the inverse of ``bind``.
+
+        Parameters
+        ----------
+        result : dict
+            Port or word to numbers, as ``run``, ``update_twin``, ``update_float64`` and the drivers give them.
+        names : dict, optional
+            What to read: ``outputs`` by default; or ``inputs``, or ``state``.
+
+        Returns
+        -------
+        dict
+            Name to an array of shape (..., 3) for a vector of three, (..., 3, 3) for a matrix, (...) for a scalar.
+        """
+        arrays = {}
+        for name, tree in (self.outputs if names is None else names).items():
+            stacked = np.stack(np.broadcast_arrays(*(result[leaf] for leaf in leaves(tree))), axis=-1)
+            arrays[name] = stacked.reshape(*stacked.shape[:-1], *_shape(tree))
+        return arrays
+
+    def _bound(self, kind, trees, values):
+        """Leaf to array, for values by the names of ``trees``."""
+        if unknown := [name for name in values if name not in trees]:
+            raise TypeError(f"{self.name} has no {kind} {unknown[0]!r}: choose from {', '.join(trees)}")
+        arrays: dict = {}
+        leading = {}
+        for name, tree in trees.items():
+            array, shape = np.asarray(values[name]), _shape(tree)
+            leading[name] = array.shape[:array.ndim - len(shape)]
+            if array.shape != leading[name] + shape:
+                wanted = ", ".join(("...", *map(str, shape)))
+                raise ValueError(f"{self.name}: {kind} {name} must have the shape ({wanted}), not {array.shape}")
+            flat = array.reshape(*leading[name], math.prod(shape))
+            arrays |= {leaf: flat[..., index] for index, leaf in enumerate(leaves(tree))}
+        try:
+            common = np.broadcast_shapes(*leading.values())
+        except ValueError:
+            told = ", ".join(f"{name} {shape}" for name, shape in leading.items())
+            raise ValueError(f"{self.name}: the leading axes must broadcast, not {told}") from None
+        return {leaf: np.broadcast_to(array, common).copy() for leaf, array in arrays.items()}
 
     def trace(self, pool):
         """The graph of the equations, in the operations and the format of a pool."""
@@ -131,6 +237,89 @@ class System:
         if self.status_port:
             update["refused"] = ~finite
         return update
+
+    def run(self, pool, inputs, state=None):
+        """Updates of the twin in order, one a sample, each from the state that the update before it left.
+
+        Parameters
+        ----------
+        pool : Pool
+        inputs : dict
+            Input port to numbers of shape (N, ...), as from ``bind``: N samples, and runs side by side in
+            the other axes.
+        state : dict, optional
+            State before the first sample, as from an earlier ``run`` or from ``bind_state``; that of the
+            reset by default.
+
+        Returns
+        -------
+        result : dict
+            Output port and state word to arrays of the format's dtype, shape (N, ...), as the circuit shows
+            them after each update, and status name to bools. A refused update (``refused``, if there is a
+            status port) leaves outputs and state as they were and has no other status.
+        state : dict
+            State after the last sample, outputs included, with which another run goes on.
+
+        Notes
+        -----
+        Samples depend on each other, but the twin is fast only on many at once. NumPy's own arithmetic
+        therefore predicts the states of a block of samples, one after the other; the twin computes the
+        block from the prediction, and what follows the first wrong bit is computed again.
+        """
+        fmt, words = pool.format, tuple(self.reset)
+        ports = dict(zip(self.input_ports, np.broadcast_arrays(
+            *(fmt.from_bits(fmt.to_bits(inputs[port])) for port in self.input_ports)), strict=True))
+        count, *lanes = ports[self.input_ports[0]].shape
+        start = self.trace(pool).reset_outputs | self.reset | (state or {})
+        held = {name: np.broadcast_to(fmt.array(start[name]), lanes) for name in (*self.output_ports, *words)}
+        before = {word: held[word] for word in words}
+        blocks, first, size = [], 0, FIRST_BLOCK if words else count
+        while first < count:
+            block = {port: array[first:first + size] for port, array in ports.items()}
+            guess = self._predicted(fmt.dtype, block, before)
+            with np.errstate(all="ignore"):
+                twin = self.update_twin(pool, block, guess)
+            shape = next(iter(block.values())).shape
+            twin = {name: np.broadcast_to(values, shape) for name, values in twin.items()}
+            refused = twin.setdefault("refused", np.zeros(shape, bool))
+            after = {word: np.where(refused, guess[word], twin[word]) for word in words}
+            wrong = np.zeros(shape[0] - 1, bool)
+            for word in words:
+                differs = fmt.to_bits(after[word][:-1]) != fmt.to_bits(guess[word][1:])
+                wrong |= differs.any(axis=tuple(range(1, differs.ndim)))
+            good = int(wrong.argmax()) + 1 if wrong.any() else shape[0]
+            blocks.append({name: values[:good] for name, values in (twin | after).items()})
+            before = {word: after[word][good - 1] for word in words}
+            first, size = first + good, min(2 * good, LARGEST_BLOCK) if words else count
+        result = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+        refused = result["refused"] if self.status_port else result.pop("refused")
+        # What an output shows was computed by the last update that was not refused; row 0 stands for the start.
+        row = np.maximum.accumulate(np.where(refused, 0, np.arange(1, count + 1).reshape(-1, *(1 for _ in lanes))))
+        for port in self.output_ports:
+            shown = np.concatenate((held[port][None], result[port]))
+            result[port] = np.take_along_axis(shown, row, axis=0)
+        result |= {name: result[name] & ~refused for name in self.status}
+        return result, {name: result[name][-1] for name in held}
+
+    def _predicted(self, dtype, inputs, state):
+        """State before each of the updates of a block, nearly always that of the twin.
+
+        NumPy rounds as the operators do, but for subnormal numbers and trigonometry.
+        """
+        if not state:
+            return {}
+        xp, count = Rounded(dtype), len(next(iter(inputs.values())))
+        states = {word: np.empty((count, *values.shape), dtype) for word, values in state.items()}
+        rows = [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)]
+        with np.errstate(all="ignore"):
+            for index, row in enumerate(rows):
+                for word, values in state.items():
+                    states[word][index] = values
+                update = self._update(xp, lambda value: value, lambda value: value, row, state)
+                kept = np.isfinite(sum(update[name] for name in (*self.output_ports, *state)) + sum(row.values())) \
+                    if self.status_port else True
+                state = {word: np.where(kept, update[word], values).astype(dtype) for word, values in state.items()}
+        return states
 
     def _update(self, xp, wrap, unwrap, inputs, state):
         state = {} if state is None else state

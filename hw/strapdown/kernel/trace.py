@@ -108,6 +108,12 @@ class Graph:
     status: dict[str, Operand] = field(default_factory=dict)
     sections: tuple[str, ...] = ()
 
+    @property
+    def reset_outputs(self):
+        """Output port to its value after a reset: that of the state word that the output equals, else zero."""
+        words = {node: word for word, node in self.next_state.items()}
+        return {port: self.state[words[node]] if node in words else 0.0 for port, node in self.outputs.items()}
+
     def count(self):
         """Number of operations of each kind."""
         kinds = [node.operation for node in self.nodes if node.computed]

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.config import CONFIGS
-from strapdown.cores import Core, main_module, make_core
+from strapdown.cores import CONFIGS, Core, main_module, make_core
 from strapdown.kernel.stream import StreamEngine
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from strapdown.config import FLIGHT, FLIGHT_6AXIS, MAHONY, THESIS
+from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MAHONY, THESIS
 from strapdown_sim.errors import (
     AttitudeErrors,
     attitude_errors,
@@ -47,7 +47,8 @@ def complementary(recording, *, config):
 
 def flight(recording):
     """The flight filter, with 6 axes where there is no magnetometer."""
-    model = flight_filter(FLIGHT if recording.mag is not None else FLIGHT_6AXIS, recording.sample_rate_hz)
+    config = FLIGHT_6AXIS if recording.mag is None else FLIGHT
+    model = flight_filter(config.replace(sample_rate_hz=recording.sample_rate_hz))
     return model.run(recording.accel, recording.mag, recording.gyro_deg_s).q_b2n
 
 

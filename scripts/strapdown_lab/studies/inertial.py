@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.config import SINS
-from strapdown.cores import sins_top
+from strapdown.cores import SINS, sins_top
 from strapdown_sim.errors import quaternion_from_matrix
 from strapdown_sim.recordings import read_recording
 from strapdown_sim.reference.attitude import matrix_from_quaternion

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.config import QUATERNION_J2
-from strapdown.cores import quat_direct
+from strapdown.cores import QUATERNION_J2, quat_direct
 from strapdown.fp import BINARY32, BINARY64, Subnormals
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.value import Namespace, Value

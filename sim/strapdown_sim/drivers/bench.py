@@ -9,8 +9,7 @@ from functools import cache
 
 from cocotb_tools.runner import get_results, get_runner
 
-from strapdown.config import CONFIGS
-from strapdown.cores import make_core
+from strapdown.cores import CONFIGS, make_core
 from strapdown.export import write_core
 
 from .toolchain import verilator_environment

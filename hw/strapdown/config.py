@@ -1,0 +1,110 @@
+"""What all configurations share: they are frozen, and pydantic validates them. An error is one line."""
+
+import re
+from collections.abc import Callable
+from typing import Annotated
+
+import pydantic
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+
+from strapdown.kernel.pool import Pool
+from strapdown.kernel.system import System
+
+__all__ = ["Axes", "Config", "ConfigError", "Gain", "Names", "Positive"]
+
+
+class ConfigError(ValueError):
+    """A configuration that is not valid; the message is one line that names the field and the remedy."""
+
+
+def _listed(value):
+    """A comma-separated string, as it comes from a command line, as a tuple."""
+    if isinstance(value, str):
+        return tuple(value.split(",")) if value else ()
+    return value
+
+
+def _axes(axes):
+    if any(not re.fullmatch("[+-][xyz]", axis) for axis in axes) or sorted(axis[1] for axis in axes) != list("xyz"):
+        raise ValueError("must name each sensor axis once, with its sign, as in +y,-x,+z")
+    return axes
+
+
+def _power_of_two(number):
+    if number & (number - 1):
+        raise ValueError("must be a power of two")
+    return number
+
+
+Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
+Axes = Annotated[Names, AfterValidator(_axes)]
+Gain = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+
+
+class Config(BaseModel):
+    """Base of the configurations: a name, a description, a rate, the operators of the engine, and its channels.
+
+    A subclass adds its fields and says in ``systems`` which modules it configures.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="name of the configuration, and of its output folder")
+    description: str = Field(description="one line for people")
+    sample_rate_hz: float = Field(gt=0, le=1e6, allow_inf_nan=False, description="updates per second, 1/T")
+    pool: pydantic.InstanceOf[Pool] = Field(default=Pool(), description="operators of the engine")
+    channels: Annotated[int, AfterValidator(_power_of_two)] = Field(
+        default=1, ge=1, le=64, description="sensors that share one core, each with a state of its own; a power of two")
+    interval: int | None = Field(
+        default=None, ge=1, le=10_000,
+        description="clock cycles from one sample to the next of several channels; None: the scheduler's choice")
+
+    @field_validator("interval", mode="before")
+    @classmethod
+    def _interval(cls, value: object, info: ValidationInfo) -> object:
+        if value in ("", None):
+            return None
+        if info.data.get("channels") == 1:
+            raise ValueError("must be left out where channels is 1")
+        return value
+
+    @property
+    def period_s(self):
+        """Sample period T in seconds."""
+        return 1 / self.sample_rate_hz
+
+    def systems(self) -> dict[str, Callable[..., System]]:
+        """Module name to the function that makes the module's System from this configuration.
+
+        The last one is the main module: it has all the functions of the configuration.
+        """
+        raise NotImplementedError
+
+    def constant_inputs(self) -> dict[str, float]:
+        """Inputs of the main module that are not sensors, by the kernel's names: their values in a replay."""
+        return {}
+
+    def replace(self, **changes):
+        """This configuration with some fields changed.
+
+        Values may be strings, as they come from a command line: a tuple as comma-separated names, an
+        interval of None as the empty string. Raises: ConfigError.
+        """
+        try:
+            return type(self)(**(dict(self) | changes))
+        except pydantic.ValidationError as error:
+            raise ConfigError(_one_line(self, error)) from None
+
+
+def _one_line(config, error):
+    """The first complaint of a ValidationError as one line."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"][:1])
+    if first["type"] == "extra_forbidden":
+        fields = ", ".join(field for field in type(config).model_fields if field != "pool")
+        return f"configuration {config.name} has no field {where!r}: choose from {fields}"
+    message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if not message.startswith("must"):
+        message = f"must be {message}"
+    return f"configuration {config.name}: {where} {message}, not {first['input']!r}"

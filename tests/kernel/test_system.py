@@ -1,0 +1,208 @@
+"""Arrays with the nesting of the kernel, and runs of the twin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown.algorithms.attitude import Update
+from strapdown.cores import (
+    CONFIGS,
+    FLIGHT,
+    QUATERNION_J3,
+    SINS,
+    THESIS,
+    ins_flight,
+    main_module,
+    quat_direct,
+    system_of,
+)
+from strapdown.kernel.system import System, matrix, vector
+
+INS_TOP = system_of("INS_top", THESIS)
+INS_MAG = system_of("INS_mag", THESIS)
+RNG = np.random.default_rng(6)
+
+
+def test_names_of_vectors_and_matrices():
+    assert vector("in_acc{}") == ("in_accx", "in_accy", "in_accz")
+    assert vector("q{}", "0123") == ("q0", "q1", "q2", "q3")
+    assert matrix("c{}") == (("c11", "c12", "c13"), ("c21", "c22", "c23"), ("c31", "c32", "c33"))
+
+
+def test_bind_gives_each_port_its_component():
+    m, c = RNG.standard_normal((5, 3)), RNG.standard_normal((5, 3, 3))
+    inputs = INS_MAG.bind(m=m, c=c)
+    assert tuple(inputs) == INS_MAG.input_ports
+    assert inputs["in_magy"].tolist() == m[:, 1].tolist()
+    assert inputs["in_c31"].tolist() == c[:, 2, 0].tolist()
+
+
+def test_bind_broadcasts_leading_axes():
+    system = ins_flight(FLIGHT.replace(period_input=True))
+    inputs = system.bind(a=RNG.standard_normal((4, 1, 3)), m=np.zeros((2, 3)), g=(1, 2, 3), period=0.01)
+    assert {values.shape for values in inputs.values()} == {(4, 2)}
+    assert (inputs["in_gyroz"] == 3).all()
+    assert (inputs["in_period"] == 0.01).all()
+
+
+def test_read_is_the_inverse_of_bind():
+    values = {"m": RNG.standard_normal((7, 3)), "c": RNG.standard_normal((7, 3, 3))}
+    told = INS_MAG.read(INS_MAG.bind(**values), INS_MAG.inputs)
+    assert all((told[name] == array).all() for name, array in values.items())
+    assert told.keys() == values.keys()
+
+
+def test_read_gives_outputs_by_the_kernels_names():
+    result = {port: np.full(2, index) for index, port in enumerate(INS_TOP.output_ports)}
+    told = INS_TOP.read(result)
+    assert told["c"].tolist() == 2 * [[[0, 1, 2], [3, 4, 5], [6, 7, 8]]]
+    assert told["angles"].tolist() == 2 * [[9, 10, 11]]
+
+
+def test_the_state_is_bound_over_its_reset():
+    state = INS_TOP.bind_state(q=RNG.standard_normal((3, 4)))
+    assert state.keys() == INS_TOP.reset.keys()
+    assert state["c22"].tolist() == [1, 1, 1]
+    assert INS_TOP.bind_state()["q0"] == 1
+
+
+@pytest.mark.parametrize(("values", "error", "message"), [
+    ({"m": (1, 2, 3)}, TypeError, "INS_mag lacks the input 'c': give m, c"),
+    ({"m": (1, 2, 3), "c": np.eye(3), "acc": 1}, TypeError, "INS_mag has no input 'acc': choose from m, c"),
+    ({"m": (1, 2), "c": np.eye(3)}, ValueError, "INS_mag: input m must have the shape (..., 3), not (2,)"),
+    ({"m": (1, 2, 3), "c": np.eye(4)}, ValueError, "INS_mag: input c must have the shape (..., 3, 3), not (4, 4)"),
+    ({"m": 1, "c": np.eye(3)}, ValueError, "INS_mag: input m must have the shape (..., 3), not ()"),
+    ({"m": np.zeros((2, 3)), "c": np.zeros((4, 3, 3))}, ValueError,
+     "INS_mag: the leading axes must broadcast, not m (2,), c (4,)"),
+])
+def test_wrong_names_and_shapes_are_told_in_one_line(values, error, message):
+    with pytest.raises(error) as caught:
+        INS_MAG.bind(**values)
+    assert str(caught.value) == message
+
+
+def test_an_unknown_state_is_told_in_one_line():
+    with pytest.raises(TypeError) as caught:
+        INS_TOP.bind_state(omega=0)
+    assert str(caught.value) == "INS_top has no state 'omega': choose from q, c, i"
+
+
+def test_a_reset_of_no_word_is_refused():
+    with pytest.raises(ValueError, match=r"^reset must name words of the state, which w is not$"):
+        replace(INS_TOP, reset={"w": 1.0})
+
+
+def sequential(system, pool, inputs):
+    """The twin, sample by sample: (result, refused), as `run` should have it."""
+    fmt = pool.format
+    state = {word: fmt.array(value) for word, value in system.reset.items()}
+    shown = {port: fmt.array(value) for port, value in system.trace(pool).reset_outputs.items()}
+    rows, refusals = [], []
+    for sample in zip(*inputs.values(), strict=True):
+        twin = system.update_twin(pool, dict(zip(inputs, sample, strict=True)), state)
+        refused = bool(twin.get("refused", False))
+        if not refused:
+            state, shown = {word: twin[word] for word in state}, {port: twin[port] for port in shown}
+        rows.append(shown | state | {name: twin[name] and not refused for name in system.status})
+        refusals.append(refused)
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, refusals
+
+
+def random_inputs(system, shape):
+    """Numbers with a NaN, an overflow and a subnormal number among them; switches are seldom on."""
+    inputs = {port: RNG.standard_normal(shape) for port in system.input_ports}
+    for port in ("in_load", "in_load_en", "in_align"):
+        if port in inputs:
+            inputs[port] = (RNG.random(shape) < 0.1).astype(float)
+    port = system.input_ports[0]
+    inputs[port][[0, 5, 6, 9]] = np.nan, np.inf, 1e38, 1e-40
+    return inputs
+
+
+@pytest.mark.parametrize("name", ["thesis", "flight", "quaternion_j3", "sins_damped"])
+def test_a_run_is_the_twin_sample_by_sample(name):
+    config = CONFIGS[name]
+    system, pool = system_of(main_module(config), config), config.pool
+    inputs = random_inputs(system, 25)
+    result, state = system.run(pool, inputs)
+    expected, refused = sequential(system, pool, inputs)
+    assert result["refused"].tolist() == refused
+    assert refused[0]
+    assert result.keys() == expected.keys() | {"refused"}
+    for key, values in expected.items():
+        assert result[key].dtype == values.dtype
+        assert result[key].tobytes() == values.tobytes(), key
+    assert all(state[key] == result[key][-1] for key in (*system.output_ports, *system.reset))
+
+
+def test_a_run_goes_on_where_another_ended():
+    inputs = random_inputs(INS_TOP, 20)
+    inputs["in_accx"][10] = np.nan  # refused: the second part begins by showing what the first one showed
+    whole, _ = INS_TOP.run(THESIS.pool, inputs)
+    first, state = INS_TOP.run(THESIS.pool, {port: values[:10] for port, values in inputs.items()})
+    second, _ = INS_TOP.run(THESIS.pool, {port: values[10:] for port, values in inputs.items()}, state)
+    for name, values in whole.items():
+        assert values.tobytes() == np.concatenate((first[name], second[name])).tobytes(), name
+
+
+def test_runs_side_by_side_are_runs_of_their_own():
+    system = quat_direct(QUATERNION_J3)
+    e = RNG.standard_normal((3, 4))
+    state = system.bind_state(e=e / np.linalg.norm(e, axis=1, keepdims=True))
+    omega = RNG.standard_normal((30, 3, 3))
+    omega[7, 1, 0] = np.nan
+    inputs = system.bind(omega=omega, load=0.0, start=np.zeros(4))
+    result, _ = system.run(QUATERNION_J3.pool, inputs, state)
+    assert result["out_e0"].shape == (30, 3)
+    assert np.flatnonzero(result["refused"].any(axis=0)).tolist() == [1]
+    for lane in range(3):
+        own, _ = system.run(QUATERNION_J3.pool, {port: values[:, lane] for port, values in inputs.items()},
+                            {word: values[lane] for word, values in state.items()})
+        assert all(result[name][:, lane].tobytes() == values.tobytes() for name, values in own.items())
+
+
+def test_wrong_predictions_cost_time_only(monkeypatch):
+    inputs = random_inputs(INS_TOP, 20)
+    expected, _ = INS_TOP.run(THESIS.pool, inputs)
+    predicted = System._predicted
+
+    def wrong(self, dtype, inputs, state):
+        return {word: np.concatenate((values[:1], values[1:] + dtype.type(1)))
+                for word, values in predicted(self, dtype, inputs, state).items()}
+
+    monkeypatch.setattr(System, "_predicted", wrong)
+    result, _ = INS_TOP.run(THESIS.pool, inputs)
+    assert all(values.tobytes() == expected[name].tobytes() for name, values in result.items())
+
+
+def test_a_system_without_state_or_status_port():
+    system = system_of("INS_atan", THESIS)
+    result, state = system.run(THESIS.pool, system.bind(sine=np.array([1.0, np.nan]), cosine=1.0))
+    assert result.keys() == {"out_result"}
+    assert result["out_result"][0] == pytest.approx(np.pi / 4)
+    assert np.isnan(state["out_result"])
+
+
+def test_a_prediction_is_nearly_always_right(monkeypatch):
+    """Otherwise a run is as slow as the twin on one sample at a time."""
+    for config in (THESIS, FLIGHT, QUATERNION_J3, SINS):
+        system = system_of(main_module(config), config)
+        inputs = {port: RNG.standard_normal(40) for port in system.input_ports}
+        blocks = []
+
+        def counted(*arguments, update=System.update_twin, blocks=blocks):
+            blocks.append(1)
+            return update(*arguments)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(System, "update_twin", counted)
+            system.run(config.pool, inputs)
+        assert len(blocks) <= 3, config.name
+
+
+def test_equations_may_give_constants():
+    system = System("ONE", "one", lambda xp, x: Update({"y": x, "one": xp.lift(1.0)}), sections=("S",), start="in_en",
+                    finish="out_finish", inputs={"x": "in_x"}, outputs={"y": "out_y", "one": "out_one"})
+    result, _ = system.run(THESIS.pool, {"in_x": np.arange(3.0)})
+    assert result["out_one"].tolist() == [1, 1, 1]
