@@ -1,4 +1,4 @@
-from strapdown.cores import THESIS, make_core
+from strapdown.cores import THESIS, THESIS_X8, make_core
 from strapdown.export.gantt import schedule_picture, schedule_summary
 
 
@@ -21,3 +21,17 @@ def test_picture_is_written_and_the_same_every_time(tmp_path):
     first, second = ((tmp_path / name).read_bytes() for name in ("first.png", "second.png"))
     assert first[:4] == b"\x89PNG"
     assert first == second
+
+
+def test_several_updates_in_flight_are_summed_up_and_drawn(tmp_path):
+    schedule = make_core("INS_top_x8", THESIS_X8).engine.program.schedule
+    lines = list(schedule_summary(schedule))
+    assert lines[0] == f"an update takes {schedule.length} cycles, and up to {schedule.stages} are in flight; " \
+        "one begins every"
+    assert lines[1].startswith(f"{THESIS_X8.interval} cycles, ")
+    assert any("pair of buses" in line for line in lines)
+    assert all(float(line.split("%")[0]) <= 100 for line in lines if "%" in line)
+    schedule_picture(schedule, "INS_top_x8", tmp_path / "picture.svg")
+    drawn = (tmp_path / "picture.svg").read_text()
+    # A line where each further update begins: matplotlib draws dotted lines with dashes.
+    assert drawn.count("stroke-dasharray") == (schedule.length - 1) // schedule.interval

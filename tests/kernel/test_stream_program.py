@@ -7,8 +7,9 @@ import pytest
 
 from strapdown.cores import THESIS_X8
 from strapdown.cores.attitude import ins_top
-from strapdown.kernel.modulo import modulo_schedule
-from strapdown.kernel.stream_program import PLAIN, STATE, TURNED, StreamProgram
+from strapdown.kernel.machine import StreamMachine
+from strapdown.kernel.modulo_scheduler import modulo_schedule
+from strapdown.kernel.program import PLAIN, STATE, TURNED, StreamProgram
 
 POOL, CHANNELS, INTERVAL = THESIS_X8.pool, THESIS_X8.channels, THESIS_X8.interval
 FORMAT = POOL.format
@@ -19,7 +20,7 @@ Update = namedtuple("Update", "channel bank fresh inputs")
 
 @pytest.fixture(scope="module")
 def program():
-    return StreamProgram(modulo_schedule(SYSTEM.trace(POOL), POOL, INTERVAL), CHANNELS)
+    return StreamProgram(modulo_schedule(SYSTEM.trace(POOL), StreamMachine(POOL), INTERVAL), CHANNELS)
 
 
 class Machine:
@@ -40,14 +41,15 @@ class Machine:
             self.cycle(cycle, begins)
 
     def address(self, fields, cycle, begins, *, to_be=False):
-        kind, address = fields["kind"], fields["address"]
+        (kind, stage), address = self.program.kinds[fields["kind"]], fields["address"]
         # Settled in the cycle before: by the updates that are in each stage then, and its number's parity.
         period = (cycle - 1) // self.program.length
         if kind == PLAIN:
             return address
         if kind == TURNED:
             return address ^ period % 2
-        update = begins[period - (kind - STATE)] if period >= kind - STATE else None
+        assert kind == STATE
+        update = begins[period - stage] if period >= stage else None
         if update is None:
             return None if to_be else address
         if update.fresh and not to_be:
@@ -69,13 +71,14 @@ class Machine:
                 continue
             values = []
             for side in "ab":
-                fields = word[f"port{program.schedule.read_port(name)}"][side]
-                bits = self.operands[program.schedule.read_port(name), side][fields["side"]]
+                fields = word[f"port{program.schedule.machine.port(unit)}"][side]
+                bits = self.operands[program.schedule.machine.port(unit), side][fields["side"]]
                 values.append(FORMAT.from_bits(bits ^ fields["negate"] << FORMAT.width - 1))
             if name == "selector":
-                node = program.conditions[word["condition"]["index"]]
+                node, age = program.conditions[word["condition"]["index"]]
                 written = program.schedule.written[node]
-                last = max((c for c in range(cycle) if (c - written) % program.length == 0), default=None)
+                signs = [c for c in range(cycle) if (c - written) % program.length == 0]
+                last = signs[-1 - age] if len(signs) > age else None
                 sign = 0 if last is None else self.buses[program.schedule.bus[node], last] >> FORMAT.width - 1
                 result = values[0] if sign != word["condition"]["negate"] else values[1]
             else:
@@ -146,6 +149,6 @@ def test_memories_are_as_small_as_block_ram_and_luts_come(program):
 
 
 def test_bad_channels_are_refused(program):
-    for channels in 0, 1, 3, 12:
-        with pytest.raises(ValueError, match=f"^channels must be a power of two from 2 on, not {channels}$"):
+    for channels in 0, 1, 3, 12, 128:
+        with pytest.raises(ValueError, match=f"^channels must be a power of two from 2 to 64, not {channels}$"):
             StreamProgram(program.schedule, channels)

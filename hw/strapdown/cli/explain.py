@@ -7,9 +7,6 @@ import click
 
 from strapdown.cores import main_module
 from strapdown.export import explain as explanations
-from strapdown.export.stream import stream_listing
-from strapdown.kernel.microprogram import Microprogram
-from strapdown.kernel.schedule import Schedule
 
 from .common import UserError, config_options, core_of, target_of, writing
 
@@ -38,8 +35,6 @@ def schedule(target, config_name, changes, module, output):
 
     core, config, module = _core_and_module(target, config_name, changes, module)
     result = core.engine.program.schedule
-    if not isinstance(result, Schedule):
-        raise UserError(f"{module} has several updates in flight: 'strapdown explain {module}' shows its words")
     path = output or Path("build/schedule") / f"{config.name}_{module}.png"
     if path.suffix not in (".png", ".svg"):
         raise UserError(f"--output takes a .png or .svg file, not {path}")
@@ -62,16 +57,10 @@ def explain(target, config_name, changes, cycle, place):
     """
     core, _, module = _core_and_module(target, config_name, changes)
     program = core.engine.program
-    if not isinstance(program, Microprogram):
-        if cycle is not None or place is not None:
-            raise UserError(f"{module} has several updates in flight: it is explained as a whole only")
-        for line in stream_listing(program):
-            click.echo(line)
-        return
     if cycle is not None and cycle >= program.length:
         raise UserError(f"{module} has cycles 0 to {program.length - 1}, not {cycle}")
     if place is None:
-        lines = explanations.microprogram_listing(program) if cycle is None else \
+        lines = explanations.program_listing(program) if cycle is None else \
             explanations.explain_cycle(program, cycle)
     else:
         if not (match := re.fullmatch(r"(?:.*/)?(\w+\.py):(\d+)", place)):

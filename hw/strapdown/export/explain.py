@@ -1,20 +1,21 @@
-"""The microprogram in words for people: what starts, what is written, which kernel line asked for it."""
+"""Listings of a program: what starts in each cycle, what is written, and which kernel line asked for it."""
 
 from collections import defaultdict
 
-__all__ = ["explain_cycle", "explain_line", "kernel_line", "microprogram_listing"]
+__all__ = ["explain_cycle", "explain_line", "kernel_line", "program_listing"]
 
 
-def microprogram_listing(program):
-    """One line a cycle in which something starts or is written."""
+def program_listing(program):
+    """One line for each cycle in which something starts or is written.
+
+    If several updates are in flight, ``@s`` tells the stage of the update: the intervals since it began.
+    """
     started, written = _by_cycle(program)
     for cycle in range(program.length):
-        parts = []
-        for step in started[cycle]:
-            parts.append(f"{step.unit}: {_operation(program, step)}")
+        parts = [f"{_unit(program, step, step.issue)}: {_operation(program, step)}" for step in started[cycle]]
         for step in written[cycle]:
             only = " (only after a reset)" if step.node.operation == "state" else ""
-            parts.append(f"{_place(program, step.node)} := {step.unit}{only}")
+            parts.append(f"{program.place(step.node)} := {_unit(program, step, step.write)}{only}")
         if parts:
             origins = "; ".join(dict.fromkeys(kernel_line(step.node) for step in started[cycle] if step.node.origin))
             yield f"{cycle:4} {' | '.join(parts)}" + (f"  -- {origins}" if origins else "")
@@ -27,17 +28,20 @@ def explain_cycle(program, cycle):
     yield f"cycle {cycle}: word {word.as_bits():0{-(-program.layout.size // 4)}x}"
     for verb, steps in ("starts", started[cycle]), ("writes", written[cycle]):
         for step in steps:
-            what = _operation(program, step) if verb == "starts" else f"{_place(program, step.node)} := {step.node}"
-            yield f"  {verb} {step.unit}: {what}  (issued in cycle {step.issue}, there in cycle {step.write})"
+            if verb == "starts":
+                unit, what = _unit(program, step, step.issue), _operation(program, step)
+            else:
+                unit, what = _unit(program, step, step.write), f"{program.place(step.node)} := {step.node}"
+            yield f"  {verb} {unit}: {what}  (issued in cycle {step.issue}, there in cycle {step.write})"
             for origin in step.node.origin:
                 yield f"    {origin}"
 
 
 def explain_line(program, file, line):
-    """Lines for every operation that comes from a line of a kernel."""
+    """Lines for every operation that comes from a line of a kernel; cycles count from the start of the update."""
     for step in program.schedule.steps:
         if any(origin.file.endswith(f"/{file}") and origin.line == line for origin in step.node.origin):
-            place = _place(program, step.node) if step.stored else "its reader"
+            place = program.place(step.node) if step.stored else "its reader"
             yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {place}"
 
 
@@ -50,29 +54,19 @@ def _by_cycle(program):
     started, written = defaultdict(list), defaultdict(list)
     for step in program.schedule.steps:
         if step.unit != "input":
-            started[step.issue].append(step)
+            started[program.schedule.slot(step.issue)].append(step)
         if step.stored:
-            written[step.write].append(step)
+            written[program.schedule.slot(step.write)].append(step)
     return started, written
+
+
+def _unit(program, step, cycle):
+    stage = f"@{cycle // program.length}" if program.schedule.interval else ""
+    return f"{step.unit}{stage}"
 
 
 def _operation(program, step):
     if step.node.operation == "state":
-        return f"copy {program.schedule.graph.state[step.node.label]:g}"
-    operands = ", ".join(("-" if operand.negated else "") + _source(program, step, operand)
-                         for operand in step.node.operands)
+        return f"copy {program.graph.state[step.node.label]:g}"
+    operands = ", ".join("-" * read.operand.negated + program.operand_place(step, read) for read in program.reads(step))
     return f"{step.node.operation} {operands}"
-
-
-def _source(program, step, operand):
-    source = program.operand_source(step, operand)
-    return _place(program, operand.node) if source in ("memory", "side") else f"<{source}>"
-
-
-def _place(program, node):
-    """Address of a node, with the name of what is known by one."""
-    names = {kept: name for name, kept in program.schedule.graph.outputs.items()}
-    names |= {kept: f"{name}'" for name, kept in program.schedule.graph.next_state.items()}
-    name = names.get(node) or node.label
-    memory = "side" if node in program.schedule.aside else ""
-    return f"{memory}[{program.addresses[node]}" + (f" {name}]" if name else "]")

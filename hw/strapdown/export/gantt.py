@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from strapdown.kernel.schedule import BUSES
+from strapdown.kernel.machine import BUSES
 
 from .explain import kernel_line
 
@@ -10,9 +10,14 @@ __all__ = ["schedule_summary", "schedule_picture"]
 
 
 def schedule_summary(schedule):
-    """Lines: length against its bounds, how busy the units are, the critical path with its kernel lines."""
+    """Lines: length against its bounds, how busy the units are, the critical path with its kernel lines.
+
+    If several updates are in flight, the interval between them stands against its bounds.
+    """
     bound = max(schedule.bounds, key=schedule.bounds.get)
-    yield f"{schedule.length} cycles, {schedule.length - schedule.bounds[bound]} above the bound:"
+    if schedule.interval:
+        yield f"an update takes {schedule.length} cycles, and up to {schedule.stages} are in flight; one begins every"
+    yield f"{schedule.period} cycles, {schedule.period - schedule.bounds[bound]} above the bound:"
     for name, cycles in sorted(schedule.bounds.items(), key=lambda item: -item[1]):
         yield f"  {cycles:4}  {name}"
     yield "busy:"
@@ -25,10 +30,11 @@ def schedule_summary(schedule):
 
 
 def schedule_picture(schedule, title, path):
-    """Draw a schedule: a row a unit, a bar a cycle range in which it works, coloured by section.
+    """Draw a schedule of one update: a row a unit, a bar a cycle range in which it works, coloured by section.
 
-    Full colour is where a unit can take no other operation, pale where one is on its way through
-    a pipeline; the critical path is drawn as a line. ``path`` tells the format by its suffix.
+    Full colour is where a unit can take no other operation, pale where one is on its way through a pipeline; the
+    critical path is drawn as a line. If several updates are in flight, dotted lines mark where further ones begin.
+    ``path`` tells the format by its suffix.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
@@ -55,7 +61,10 @@ def schedule_picture(schedule, title, path):
     axes.invert_yaxis()
     axes.set_xlim(0, schedule.length)
     axes.set_xlabel("cycle")
-    axes.set_title(f"{title}: {schedule.length} cycles", loc="left")
+    for begin in range(schedule.period, schedule.length, schedule.period):
+        axes.axvline(begin, color="black", linewidth=0.6, linestyle=":")
+    interval = f", one update every {schedule.interval}" if schedule.interval else ""
+    axes.set_title(f"{title}: {schedule.length} cycles{interval}", loc="left")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(handles=[*(Patch(color=colour, label=section) for section, colour in colours.items()),
                          Patch(color="0.55", label="inputs, reset values")],

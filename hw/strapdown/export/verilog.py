@@ -6,20 +6,13 @@ from enum import Enum
 from importlib.metadata import version
 from textwrap import wrap
 
-from strapdown.kernel.microprogram import Microprogram
-from strapdown.kernel.stream_program import StreamProgram
-
 from .backend import as_vectors, to_verilog
-from .explain import microprogram_listing
-from .stream import stream_listing
+from .explain import program_listing
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
 ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "ᵀ": "^T", "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
 """Old tools read Verilog as ASCII, comments too."""
-
-LISTINGS = {Microprogram: microprogram_listing, StreamProgram: stream_listing}
-"""Kind of program to the function that gives its lines."""
 
 
 def write(top, directory, *, command, config=None):
@@ -110,7 +103,7 @@ def _header(top, config):
         if section.rows:
             lines += _table(section.rows)
         if section.program:
-            lines += (f"  {line}" for line in LISTINGS[type(section.program)](section.program))
+            lines += (f"  {line}" for line in program_listing(section.program))
     return "".join(f"// {line}".rstrip() + "\n" for line in lines).translate(ASCII) + "\n"
 
 

@@ -1,16 +1,19 @@
-"""The machine that runs a microprogram: sequencer, operand memory, operators, result bus."""
+"""The engine for one update at a time: sequencer, two banks of state, commit."""
 
 from functools import reduce
 from operator import or_
+from typing import NamedTuple
 
 from amaranth import *
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from .datapath import choose, memory, number_registers, operand_registers, operators
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
-from .microprogram import Microprogram
+from .list_scheduler import list_schedule
+from .machine import UpdateMachine
 from .pool import MemoryStyle
-from .schedule import schedule
+from .program import UpdateProgram
 
 __all__ = ["Engine"]
 
@@ -52,13 +55,18 @@ class Engine(SystemComponent):
 
     def __init__(self, system, pool):
         self._system = system
-        self._program = Microprogram(schedule(system.trace(pool), pool))
+        self._program = UpdateProgram(list_schedule(system.trace(pool), UpdateMachine(pool)))
         super().__init__({port.name: port.member for port in self.ports})
 
     @property
     def program(self):
         """The microprogram."""
         return self._program
+
+    @property
+    def channels(self):
+        """Number of states that updates may belong to."""
+        return 1
 
     @property
     def ports(self):
@@ -116,23 +124,35 @@ class Engine(SystemComponent):
 
     def elaborate(self, platform):
         m = Module()
-        program, graph = self._program, self._program.schedule.graph
-        number = program.format.layout
-        start, finish = getattr(self, self._system.start), getattr(self, self._system.finish)
+        control = self._sequencer(m)
+        word = self._word(m, control)
+        captured = self._inputs(m, control)
+        writes = self._datapath(m, word, captured)
+        commit = Signal()
+        refused = Signal()
+        m.d.comb += commit.eq(control.ending & ~refused)
+        self._outputs(m, control, writes, commit)
+        if self.status_names:
+            self._status(m, control, writes, refused)
+        return m
 
-        # Sequencer. Words take two steps from the ROM: ``fetched`` is the word after ``word``, and
-        # the program counter is one ahead of that. While the engine is idle the first word waits
-        # in ``fetched``, and nothing but zeros in ``word``.
+    def _sequencer(self, m):
+        """The state of the update and the fetched word: a Control.
+
+        The ROM output is registered twice: ``fetched`` is the word after the one that acts, and the program counter is
+        one ahead of that. While the engine is idle the first word waits in ``fetched``.
+        """
+        program = self._program
+        start, finish = (getattr(self, name) for name in (self._system.start, self._system.finish))
         IDLE, END = 0, len(self.state_names) - 1
         state = Signal(range(END + 1), init=IDLE)
         counter, primed = Signal(range(program.length)), Signal(name="primed")
         idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
         m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END), running.eq(~(idle | ending))]
-        pool = program.schedule.pool
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
-                                              attrs={"rom_style": pool.microcode.value})
+                                              attrs={"rom_style": program.schedule.pool.microcode.value})
         fetch = rom.read_port()
-        fetched, word = Signal(program.layout), Signal(program.layout)
+        fetched, word = [Signal(program.layout) for _ in range(2)]
         last, taken = Signal(name="last"), Signal(name="taken")
         m.d.comb += [fetch.addr.eq(counter), fetched.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
                      fetch.en.eq((running & ~last) | ~primed), taken.eq(idle & start)]
@@ -145,142 +165,146 @@ class Engine(SystemComponent):
             m.d.sync += [state.eq(IDLE), finish.eq(1)]
         with m.Elif(running):
             m.d.sync += state.eq(state + word.advance)
+        return Control(start, idle, taken, running & ~last, ending, fetched, word,
+                       bank=Signal(name="bank"), fresh=Signal(name="fresh", init=1))
 
-        # Addresses of the state turn with the bank, and what restores the state acts only after a
-        # reset: settled before ``word``, since neither changes during an update.
-        bank, fresh = Signal(name="bank"), Signal(name="fresh", init=1)
+    def _word(self, m, control):
+        """The word that acts: zero while the engine is idle.
+
+        Addresses of the state turn with the bank, and what restores the state acts only after a reset: settled before
+        the word acts, since neither changes during an update.
+        """
+        program, fetched = self._program, control.fetched
         settled = Signal(program.layout)
         m.d.comb += settled.eq(fetched)
-        if graph.state:
+        if program.graph.state:
             for path in program.address_fields:
                 read, turned = (_field(fields, path).address for fields in (fetched, settled))
-                m.d.comb += turned.eq(read ^ (bank & (read < program.state_words)))
-            m.d.comb += settled.write.enable.eq(fetched.write.enable & (fresh | ~fetched.write.restore))
-        m.d.sync += word.eq(Mux(running & ~last, settled, 0))
+                m.d.comb += turned.eq(read ^ (control.bank & (read < program.state_words)))
+            m.d.comb += settled.write.enable.eq(fetched.write.enable & (control.fresh | ~fetched.write.restore))
+        m.d.sync += control.word.eq(Mux(control.active, settled, 0))
+        return control.word
 
-        # Inputs, as they were at the edge that took the start.
-        captured = [Signal(program.format.width, name=f"{port}_q", reset_less=True) for port in graph.inputs]
-        with m.If(taken):
-            m.d.sync += [register.eq(getattr(self, port))
-                         for register, port in zip(captured, graph.inputs, strict=True)]
+    def _inputs(self, m, control):
+        """Input port to its value at the edge that took the start."""
+        ports = self._program.graph.inputs
+        captured = number_registers(self._program, [f"{port}_q" for port in ports])
+        with m.If(control.taken):
+            m.d.sync += [register.eq(getattr(self, port)) for register, port in zip(captured, ports, strict=True)]
+        return dict(zip(ports, captured, strict=True))
 
-        # Operand memory: read before the edge, written at it, so ports need not be transparent.
-        # Operands are registered, from memory or straight from where a result comes out.
-        m.submodules.operands = operands = Memory(shape=program.format.width, depth=program.depth, init=program.initial,
-                                                  attrs={"ram_style": pool.operand_memory.value})
+    def _datapath(self, m, word, captured):
+        """Memories, operators and buses; returns the enable and the value of each write to a memory.
+
+        The operand memory is read before the edge and written at it, so ports need not be transparent.
+        """
+        program, pool, number = self._program, self._program.schedule.pool, self._program.format.layout
+        m.submodules.operands = operands = memory(program, program.depth, pool.operand_memory, program.initial)
         bus = Signal(number)
         if program.side_depth:
-            m.submodules.side = side_memory = Memory(shape=program.format.width, depth=program.side_depth, init=[],
-                                                     attrs={"ram_style": MemoryStyle.DISTRIBUTED.value})
+            m.submodules.side = side_memory = memory(program, program.side_depth, MemoryStyle.DISTRIBUTED)
         components = {unit.name: unit.make() for unit in program.units}
         results = {name: Signal(number, name=f"{name}_result") for name in components}
-        forwarded = {"bus": bus, **results}
-        ports = {}
-        for port in program.read_ports:
-            for side in "ab":
-                fields = word[f"port{port}"][side]
-                read = operands.read_port(domain="sync" if pool.operand_memory is MemoryStyle.BLOCK else "comb")
-                operand = Signal(number, name=f"port{port}_{side}", reset_less=True)
-                m.d.comb += read.addr.eq(fields.address)
-                found = {"memory": read.data, **forwarded}
-                if program.side_depth:
-                    side_read = side_memory.read_port(domain="comb")
-                    m.d.comb += side_read.addr.eq(fields.address)
-                    found["side"] = side_read.data
-                choice = Array([Value.cast(found[name]) for name in program.operand_sources])
-                m.d.sync += operand.eq(choice[fields.source] ^ (fields.negate << (program.format.width - 1)))
-                ports[port, side] = operand
 
-        # Operators.
-        for unit in program.units:
-            m.submodules[unit.name] = component = components[unit.name]
-            m.d.comb += results[unit.name].eq(component.result)
-            begin = Signal(name=f"{unit.name}_start")
-            m.d.sync += begin.eq(word.start[unit.name])
-            m.d.comb += component.start.eq(begin)
-            for member, side in zip(unit.operands, "ab", strict=True):
-                m.d.comb += getattr(component, member).eq(ports[unit.read_port, side])
-            for mode in unit.modes.values():
-                chosen = Signal(name=f"{unit.name}_{mode}", reset_less=True)
-                m.d.sync += chosen.eq(word.mode[f"{unit.name}_{mode}"])
-                m.d.comb += getattr(component, mode).eq(chosen)
+        def fetch(fields):
+            read = operands.read_port(domain="sync" if pool.operand_memory is MemoryStyle.BLOCK else "comb")
+            m.d.comb += read.addr.eq(fields.address)
+            found = {"memory": read.data, "bus": bus, **results}
+            if program.side_depth:
+                side_read = side_memory.read_port(domain="comb")
+                m.d.comb += side_read.addr.eq(fields.address)
+                found["side"] = side_read.data
+            return Array([Value.cast(found[name]) for name in program.operand_sources])[fields.source]
 
-        # Result bus: one result a cycle, to the memory and to whoever waits for it.
-        results |= dict(zip(graph.inputs, captured, strict=True))
+        ports = operand_registers(m, program, word, fetch)
+        operators(m, program, word, components, ports, results)
+
+        # One result a cycle goes over the bus, to the memory and to whoever waits for it.
+        results |= captured
         results["other"] = other = Signal(number, name="other", reset_less=True)
         m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
-        _choose(m, bus, word.write.source, [results[name] for name in program.sources])
-        writes = word.write.enable
+        choose(m, bus, word.write.source, [results[name] for name in program.sources["main"]])
         write = operands.write_port()
-        m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(writes)]
-
-        written_values = [(writes, bus)]
+        m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(word.write.enable)]
+        writes = [(word.write.enable, bus)]
         if program.side_depth:
             aside = Signal(number, name="side")
-            _choose(m, aside, word.side.source, [results[name] for name in program.side_sources])
+            choose(m, aside, word.side.source, [results[name] for name in program.sources["side"]])
             side_write = side_memory.write_port()
             m.d.comb += [side_write.addr.eq(word.side.address), side_write.data.eq(aside),
                          side_write.en.eq(word.side.enable)]
-            written_values.append((word.side.enable, aside))
+            writes.append((word.side.enable, aside))
+        for unit in program.units:
+            if unit.takes_condition:
+                self._conditions(m, word, bus, write, components[unit.name])
+        return writes
 
-        # Conditions: the sign of a value, by its address.
-        if "selector" in components:
-            m.submodules.signs = signs = Memory(shape=1, depth=program.depth,
-                                                init=[word >> (program.format.width - 1) for word in program.initial])
-            sign_write, sign_read = signs.write_port(), signs.read_port(domain="comb")
-            condition = Signal(reset_less=True)
-            m.d.comb += [sign_write.addr.eq(write.addr), sign_write.data.eq(bus.sign), sign_write.en.eq(write.en),
-                         sign_read.addr.eq(word.condition.address), components["selector"].condition.eq(condition)]
-            m.d.sync += condition.eq(sign_read.data ^ word.condition.negate)
+    def _conditions(self, m, word, bus, write, chooser):
+        """The condition of a choice: the sign of a value, kept by its address."""
+        program = self._program
+        m.submodules.signs = signs = Memory(shape=1, depth=program.depth,
+                                            init=[value >> (program.format.width - 1) for value in program.initial])
+        sign_write, sign_read = signs.write_port(), signs.read_port(domain="comb")
+        condition = Signal(reset_less=True)
+        m.d.comb += [sign_write.addr.eq(write.addr), sign_write.data.eq(bus.sign), sign_write.en.eq(write.en),
+                     sign_read.addr.eq(word.condition.address), chooser.condition.eq(condition)]
+        m.d.sync += condition.eq(sign_read.data ^ word.condition.negate)
 
-        def written(node, name):
-            """Whether a node's value is on the bus, on its way to memory: found out a cycle before."""
-            arrives = Signal(name=f"{name}_arrives")
-            address = program.addresses[node]
-            m.d.sync += arrives.eq(running & ~last & fetched.write.enable & (fetched.write.address == address))
-            return arrives
+    def _arrives(self, m, control, node, name):
+        """Whether a node's value is on the bus, on its way to memory: found out a cycle before."""
+        arrives, fetched = Signal(name=f"{name}_arrives"), control.fetched
+        address = self._program.addresses[node]
+        m.d.sync += arrives.eq(control.active & fetched.write.enable & (fetched.write.address == address))
+        return arrives
 
-        # Outputs wait beside the stage; END shows them all at once, and turns the banks.
-        commit = Signal()
-        refused = Signal()
-        m.d.comb += commit.eq(ending & ~refused)
+    def _outputs(self, m, control, writes, commit):
+        """Outputs wait beside the state; END shows them all at once, and turns the banks."""
+        (_, bus), *_ = writes
+        graph = self._program.graph
         for port, node in graph.outputs.items():
-            waiting = Signal(program.format.width, name=f"{port}_d", reset_less=True)
-            with m.If(written(node, port)):
+            (waiting,) = number_registers(self._program, [f"{port}_d"])
+            with m.If(self._arrives(m, control, node, port)):
                 m.d.sync += waiting.eq(bus)
             with m.If(commit):
                 m.d.sync += getattr(self, port).eq(waiting)
         if graph.state:
             with m.If(commit):
-                m.d.sync += [bank.eq(~bank), fresh.eq(0)]
+                m.d.sync += [control.bank.eq(~control.bank), control.fresh.eq(0)]
 
-        # Status.
-        if self.status_names:
-            with m.If(idle):
-                m.d.sync += refused.eq(0)
-            with m.Elif(reduce(or_, (enable & (value.exponent == program.format.exponent_special)
-                                     for enable, value in written_values))):
-                m.d.sync += refused.eq(1)
-            status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
-            for name, shown in graph.status.items():
-                flag = Signal(name=name)
-                with m.If(written(shown.node, name)):
-                    m.d.sync += flag.eq(bus.sign ^ shown.negated)
-                with m.If(ending):
-                    m.d.sync += status[name].eq(flag & ~refused)
-            with m.If(ending):
-                m.d.sync += status[REFUSED].eq(refused)
-            with m.If(start):
-                m.d.sync += status[IGNORED].eq(~idle)
-        return m
+    def _status(self, m, control, writes, refused):
+        """The status port; an update is refused if a number that it wrote was not finite."""
+        (_, bus), *_ = writes
+        special = self._program.format.exponent_special
+        with m.If(control.idle):
+            m.d.sync += refused.eq(0)
+        with m.Elif(reduce(or_, (enable & (value.exponent == special) for enable, value in writes))):
+            m.d.sync += refused.eq(1)
+        status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
+        for name, shown in self._program.graph.status.items():
+            flag = Signal(name=name)
+            with m.If(self._arrives(m, control, shown.node, name)):
+                m.d.sync += flag.eq(bus.sign ^ shown.negated)
+            with m.If(control.ending):
+                m.d.sync += status[name].eq(flag & ~refused)
+        with m.If(control.ending):
+            m.d.sync += status[REFUSED].eq(refused)
+        with m.If(control.start):
+            m.d.sync += status[IGNORED].eq(~control.idle)
 
 
-def _choose(m, bus, source, results):
-    """Put the result of the number ``source`` on a bus."""
-    with m.Switch(source):
-        for index, result in enumerate(results):
-            with m.Case(index):
-                m.d.comb += bus.eq(result)
+class Control(NamedTuple):
+    """Signals of the sequencer: ``active`` in all cycles of an update but the last, ``bank`` and ``fresh`` of the
+    state; ``fetched`` is the word before the bank is known, ``word`` the one that acts."""
+
+    start: Value
+    idle: Signal
+    taken: Signal
+    active: Value
+    ending: Signal
+    fetched: Value
+    word: Value
+    bank: Signal
+    fresh: Signal
 
 
 def _field(fields, path):

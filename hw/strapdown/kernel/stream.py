@@ -1,15 +1,19 @@
-"""The machine that runs several updates at a time, each of a channel with a state of its own."""
+"""The engine for several updates at a time, each of a channel with a state of its own: sequencer, banks, commit."""
 
 from itertools import pairwise
+from typing import NamedTuple
 
 from amaranth import *
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
+from .datapath import choose, memory, number_registers, operand_registers, operators
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
-from .modulo import modulo_schedule
-from .stream_program import PLAIN, TURNED, StreamProgram
+from .machine import StreamMachine
+from .modulo_scheduler import modulo_schedule
+from .pool import MemoryStyle
+from .program import NEXT, STATE, TURNED, StreamProgram
 
 __all__ = ["StreamEngine"]
 
@@ -33,14 +37,14 @@ class StreamEngine(SystemComponent):
     Members
     -------
     *start*, in_ready : In(1), Out(1)
-        A sample is taken at a clock edge at which both are high, with its channel. The engine is
-        ready every ``interval`` cycles, and if nothing is under way then, until a sample comes; never
-        for a channel that is under way. in_ready follows in_channel within the cycle.
+        A sample is taken at a clock edge at which both are high, with its channel. The engine is ready every
+        ``interval`` cycles, and if nothing is in flight then, until a sample comes; never for a channel that has an
+        update in flight. in_ready follows in_channel within the cycle.
     in_channel : In(log2(channels))
-        Whose sample it is.
+        Channel of the sample.
     *input ports* : In(format.width)
     *finish*, out_channel : Out(1), Out(log2(channels))
-        High for one cycle an update, and whose it is; samples finish in the order in which they came.
+        High for one cycle an update, and its channel; samples finish in the order in which they came.
     *output ports* : Out(format.width)
         Hold from one finish to the next. An update that is refused leaves them as they were.
     *status* : Out(len(status_names))
@@ -49,7 +53,7 @@ class StreamEngine(SystemComponent):
     All other members have the names that the system gives them.
 
     Latency: ``latency`` cycles from the edge that takes a sample to the one that raises its finish,
-    whatever else is under way.
+    whatever else is in flight.
     State: of each channel in two banks; an update reads the one and writes the other, and its end
     makes the other the current one. An update is refused because a number in it was NaN or
     infinite; its channel keeps its state.
@@ -58,13 +62,18 @@ class StreamEngine(SystemComponent):
 
     def __init__(self, system, pool, *, channels, interval):
         self._system = system
-        self._program = StreamProgram(modulo_schedule(system.trace(pool), pool, interval), channels)
+        self._program = StreamProgram(modulo_schedule(system.trace(pool), StreamMachine(pool), interval), channels)
         super().__init__({port.name: port.member for port in self.ports})
 
     @property
     def program(self):
         """The microprogram."""
         return self._program
+
+    @property
+    def channels(self):
+        """Number of states that updates may belong to."""
+        return self._program.channels
 
     @property
     def latency(self):
@@ -119,167 +128,234 @@ class StreamEngine(SystemComponent):
 
     def elaborate(self, platform):
         m = Module()
-        program, schedule, graph = self._program, self._program.schedule, self._program.schedule.graph
-        number, length, stages = program.format.layout, program.length, schedule.stages
-        channel_shape = self.in_channel.shape()
+        stages = self._stages()
+        control = self._sequencer(m, stages)
+        self._banks(m, control, stages)
+        captured = self._inputs(m, control)
+        word, write_main = self._word(m, control, stages)
+        buses, condition = self._datapath(m, word, write_main, captured)
+        self._judge(m, control, stages, word, buses)
+        if condition is not None:
+            self._conditions(m, control, word, buses, condition)
+        self._outputs(m, control, stages, buses)
+        return m
 
-        # Sequencer: ``word`` acts in this cycle, the counter is one ahead of it. With nothing under
-        # way it waits for a sample; else it runs on, and a begin without a sample is a stage without an update.
+    def _stages(self):
+        """What is known of the update in each stage: Stages of lists of signals."""
+        shapes = {"valid": 1, "channel": self.in_channel.shape(), "bank": 1, "fresh": 1, "bad": 1}
+        count = self._program.schedule.stages
+        return Stages(**{name: [Signal(shape, name=f"stage{stage}_{name}") for stage in range(count)]
+                         for name, shape in shapes.items()})
+
+    def _sequencer(self, m, stages):
+        """The counter, and when samples are taken: a Control.
+
+        The slot is the word that acts in this cycle, the counter is one ahead of it. With nothing in flight it waits
+        for a sample; else it runs on, and an interval that begins without a sample is a stage without an update.
+        """
+        program, schedule = self._program, self._program.schedule
+        length = program.length
         counter, slot = Signal(range(length), name="counter"), Signal(range(length), name="slot")
         following, goes = Signal(range(length), name="following"), Signal(name="goes")
         beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
-        valid, channel, bank, fresh, bad = ([Signal(shape, name=f"stage{stage}_{name}") for stage in range(stages)]
-                                            for name, shape in (("valid", 1), ("channel", channel_shape), ("bank", 1),
-                                                                ("fresh", 1), ("bad", 1)))
         busy = Signal(program.channels)
-        start, finish = getattr(self, self._system.start), getattr(self, self._system.finish)
+        start = getattr(self, self._system.start)
         m.d.comb += [
             self.in_ready.eq(beginning & ~busy.bit_select(self.in_channel, 1)), taken.eq(start & self.in_ready),
-            goes.eq(~beginning | taken | Cat(valid).any()),
+            goes.eq(~beginning | taken | Cat(stages.valid).any()),
             following.eq(Mux(counter == length - 1, 0, counter + goes))]
         m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]
-
-        # Banks by channel; what an update needs of them goes with it from stage to stage.
-        banks, freshness = Signal(program.channels, name="banks"), Signal(program.channels, name="freshness", init=-1)
-        turn, last = Signal(name="turn"), stages - 1
+        turn = Signal(name="turn")
         commit, refuse = Signal(name="commit"), Signal(name="refuse")
-        m.d.comb += [commit.eq((slot == schedule.commit % length) & valid[last]), refuse.eq(bad[last])]
-        with m.If(commit):
-            m.d.sync += valid[last].eq(0)
-            with m.If(~refuse):
-                m.d.sync += [banks.bit_select(channel[last], 1).eq(~bank[last]),
-                             freshness.bit_select(channel[last], 1).eq(0)]
-            m.d.sync += busy.bit_select(channel[last], 1).eq(0)
-        with m.If(taken):
-            m.d.sync += busy.bit_select(self.in_channel, 1).eq(1)
-        # While the counter waits, stages without an update are handed on, again and again.
-        with m.If(beginning):
-            m.d.sync += [turn.eq(~turn), valid[0].eq(taken), channel[0].eq(self.in_channel),
-                         bank[0].eq(banks.bit_select(self.in_channel, 1)),
-                         fresh[0].eq(freshness.bit_select(self.in_channel, 1))]
-            for signals in valid, channel, bank, fresh:
-                m.d.sync += [later.eq(signal) for signal, later in pairwise(signals)]
-        captured = [Signal(program.format.width, name=f"{port}_q", reset_less=True) for port in graph.inputs]
-        with m.If(beginning):
-            m.d.sync += [register.eq(getattr(self, port))
-                         for register, port in zip(captured, graph.inputs, strict=True)]
+        m.d.comb += [commit.eq((slot == schedule.commit % length) & stages.valid[-1]), refuse.eq(stages.bad[-1])]
+        return Control(counter, slot, beginning, taken, busy, turn, commit, refuse)
 
-        # A word on its way from the ROM: its addresses are settled by what is known of each stage.
-        m.submodules.microcode = rom = Memory(shape=program.layout, depth=length, init=program.words)
+    def _banks(self, m, control, stages):
+        """Banks by channel; what an update needs of them goes with it from stage to stage."""
+        channels, number, channel = self._program.channels, self.in_channel, stages.channel[-1]
+        banks, freshness = Signal(channels, name="banks"), Signal(channels, name="freshness", init=-1)
+        with m.If(control.commit):
+            m.d.sync += stages.valid[-1].eq(0)
+            with m.If(~control.refuse):
+                m.d.sync += [banks.bit_select(channel, 1).eq(~stages.bank[-1]),
+                             freshness.bit_select(channel, 1).eq(0)]
+            m.d.sync += control.busy.bit_select(channel, 1).eq(0)
+        with m.If(control.taken):
+            m.d.sync += control.busy.bit_select(number, 1).eq(1)
+        # While the counter waits, stages without an update are handed on, again and again.
+        with m.If(control.beginning):
+            m.d.sync += [control.turn.eq(~control.turn),
+                         stages.valid[0].eq(control.taken), stages.channel[0].eq(number),
+                         stages.bank[0].eq(banks.bit_select(number, 1)),
+                         stages.fresh[0].eq(freshness.bit_select(number, 1))]
+            for signals in stages.valid, stages.channel, stages.bank, stages.fresh:
+                m.d.sync += [later.eq(signal) for signal, later in pairwise(signals)]
+
+    def _inputs(self, m, control):
+        """Registers of the input ports, loaded at each beginning."""
+        ports = self._program.graph.inputs
+        captured = number_registers(self._program, [f"{port}_q" for port in ports])
+        with m.If(control.beginning):
+            m.d.sync += [register.eq(getattr(self, port)) for register, port in zip(captured, ports, strict=True)]
+        return captured
+
+    def _word(self, m, control, stages):
+        """The word that acts, its addresses settled by what is known of each stage; and whether it writes to the main
+        memory: what is written of a stage without an update is lost, but must not touch any state."""
+        program = self._program
+        m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words)
         fetch = rom.read_port(domain="comb")
         settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word")
-        m.d.comb += [fetch.addr.eq(counter), settled.eq(fetch.data)]
+        m.d.comb += [fetch.addr.eq(control.counter), settled.eq(fetch.data)]
         m.d.sync += word.eq(settled)
-        upper = program.upper
-        to_read = [Mux(each, upper, Cat(one, number_)) for each, one, number_ in zip(fresh, bank, channel, strict=True)]
-        to_write = [Cat(~one, number_) for one, number_ in zip(bank, channel, strict=True)]
+        known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))
+        state = [Mux(fresh, program.upper, Cat(bank, channel)) for fresh, bank, channel in known]
+        next_state = [Cat(~bank, channel) for _, bank, channel in known]
 
-        def settle(read, address, words):
+        def settle(path, words):
             """The address of a part of the word, by its kind."""
+            read, address = fetch.data, settled
+            for name in path:
+                read, address = read[name], address[name]
             with m.Switch(read.kind):
-                with m.Case(PLAIN):
-                    pass
-                with m.Case(TURNED):
-                    m.d.comb += address.eq(read.address ^ turn)
-                for kind, word_ in enumerate(words, TURNED + 1):
-                    with m.Case(kind):
-                        m.d.comb += address.eq(read.address | word_)
+                for index, (kind, stage) in enumerate(program.kinds):
+                    with m.Case(index):
+                        if kind == TURNED:
+                            m.d.comb += address.address.eq(read.address ^ control.turn)
+                        elif kind in words:
+                            m.d.comb += address.address.eq(read.address | words[kind][stage])
 
         for port in program.read_ports:
             for side in "ab":
-                name = f"port{port}"
-                settle(fetch.data[name][side], settled[name][side].address, to_read)
-        settle(fetch.data.main, settled.main.address, to_write)
-        settle(fetch.data.side, settled.side.address, [])
+                settle((f"port{port}", side), {STATE: state, NEXT: next_state})
+        for bus in program.depths:
+            settle((bus,), {STATE: next_state} if bus == "main" else {})
         enable = Signal()
-        # What is written of a stage without an update is lost, but must not touch any state.
         with m.Switch(fetch.data.main.kind):
-            for stage, flag in enumerate(valid):
-                with m.Case(TURNED + 1 + stage):
-                    m.d.comb += enable.eq(fetch.data.main.enable & flag)
+            for index, (kind, stage) in enumerate(program.kinds):
+                if kind == STATE:
+                    with m.Case(index):
+                        m.d.comb += enable.eq(fetch.data.main.enable & stages.valid[stage])
             with m.Default():
                 m.d.comb += enable.eq(fetch.data.main.enable)
         write_main = Signal()
         m.d.sync += write_main.eq(enable)
+        return word, write_main
 
-        # Memories, and operands in registers.
-        m.submodules.main_memory = main = Memory(shape=program.format.width, depth=program.depth, init=program.initial,
-                                          attrs={"ram_style": "block"})
-        m.submodules.side_memory = side_memory = Memory(shape=program.format.width, depth=program.side_depth, init=[],
-                                                 attrs={"ram_style": "distributed"})
-        ports = {}
-        for port in program.read_ports:
-            for side in "ab":
-                fields = word[f"port{port}"][side]
-                from_main, from_side = main.read_port(), side_memory.read_port()
-                operand = Signal(number, name=f"port{port}_{side}", reset_less=True)
-                m.d.comb += [from_main.addr.eq(fields.address), from_side.addr.eq(fields.address)]
-                m.d.sync += operand.eq(Mux(fields.side, from_side.data, from_main.data)
-                                       ^ (fields.negate << (program.format.width - 1)))
-                ports[port, side] = operand
+    def _datapath(self, m, word, write_main, captured):
+        """Memories, operators and buses; returns the buses by name, and the condition of a choice, if there is any."""
+        program = self._program
+        m.submodules.main_memory = main = memory(program, program.depth, MemoryStyle.BLOCK, program.initial)
+        memories = {"main": (main, write_main)}
+        if program.side_depth:
+            m.submodules.side_memory = aside = memory(program, program.side_depth, MemoryStyle.DISTRIBUTED)
+            memories["side"] = aside, word.side.enable
 
-        # Operators.
-        results = {"input": Array(captured)[word.input]}
+        def fetch(fields):
+            if not program.side_depth:
+                from_main = main.read_port()
+                m.d.comb += from_main.addr.eq(fields.address)
+                return from_main.data
+            from_main, from_side = main.read_port(), aside.read_port()
+            m.d.comb += [from_main.addr.eq(fields.address), from_side.addr.eq(fields.address)]
+            return Mux(fields.side, from_side.data, from_main.data)
+
+        ports = operand_registers(m, program, word, fetch)
+        components = {unit.name: unit.make() for unit in program.units}
+        operators(m, program, word, components, ports)
+        condition = None
         for unit in program.units:
-            m.submodules[unit.name] = component = unit.make()
-            results[unit.name] = component.result
-            begin = Signal(name=f"{unit.name}_start")
-            m.d.sync += begin.eq(word.start[unit.name])
-            m.d.comb += component.start.eq(begin)
-            for member, side in zip(unit.operands, "ab", strict=True):
-                m.d.comb += getattr(component, member).eq(ports[schedule.read_port(unit.name), side])
-            for mode in unit.modes.values():
-                chosen = Signal(name=f"{unit.name}_{mode}", reset_less=True)
-                m.d.sync += chosen.eq(word.mode[f"{unit.name}_{mode}"])
-                m.d.comb += getattr(component, mode).eq(chosen)
-            if any(len(step.node.operands) == 3 for step in schedule.steps if step.unit == unit.name):
+            if unit.takes_condition:
                 condition = Signal(reset_less=True)
-                m.d.comb += component.condition.eq(condition)
-
-        # Buses. What is not finite is found a cycle later, by the stage it belongs to.
+                m.d.comb += components[unit.name].condition.eq(condition)
+        results = {"input": Array(captured)[word.input],
+                   **{name: component.result for name, component in components.items()}}
         buses = {}
-        found: list[list] = [[] for _ in range(stages)]
-        for name, memory, writes in ("main", main, write_main), ("side", side_memory, word.side.enable):
-            buses[name] = bus = Signal(number, name=f"{name}_bus")
-            with m.Switch(word[name].source):
-                for index, source in enumerate(program.sources[name]):
-                    with m.Case(index):
-                        m.d.comb += bus.eq(results[source])
-            write = memory.write_port()
+        for name, (target, writes) in memories.items():
+            buses[name] = bus = Signal(program.format.layout, name=f"{name}_bus")
+            choose(m, bus, word[name].source, [results[source] for source in program.sources[name]])
+            write = target.write_port()
             m.d.comb += [write.addr.eq(word[name].address), write.data.eq(bus), write.en.eq(writes)]
+        return buses, condition
+
+    def _judge(self, m, control, stages, word, buses):
+        """What is not finite is found a cycle after it was on a bus, by the stage it belongs to."""
+        found: list[list] = [[] for _ in stages.bad]
+        for name, bus in buses.items():
             special, where = Signal(name=f"{name}_special"), Signal(word[name].stage.shape(), name=f"{name}_stage")
-            m.d.sync += [special.eq(word[name].enable & (bus.exponent == program.format.exponent_special)),
+            m.d.sync += [special.eq(word[name].enable & (bus.exponent == self._program.format.exponent_special)),
                          where.eq(word[name].stage)]
-            for stage in range(stages):
-                found[stage].append(special & (where == stage))
-        judged = [flag | Cat(events).any() for flag, events in zip(bad, found, strict=True)]
-        for stage in range(stages):
-            m.d.sync += bad[stage].eq(Mux(beginning, judged[stage - 1] if stage else 0, judged[stage]))
+            for stage, events in enumerate(found):
+                events.append(special & (where == stage))
+        judged = [flag | Cat(events).any() for flag, events in zip(stages.bad, found, strict=True)]
+        for flag, before, now in zip(stages.bad, [0, *judged], judged, strict=False):
+            m.d.sync += flag.eq(Mux(control.beginning, before, now))
 
-        def kept(node, value, until, name):
-            """A part of what the bus shows of a node, kept until a later cycle."""
-            written = schedule.written[node]
-            for each in range(-(-(until - written) // length)):
-                register = Signal(len(value), name=f"{name}_{each}", reset_less=True)
-                with m.If(slot == written % length):
-                    m.d.sync += register.eq(value)
-                value = register
-            return value
+    def _kept(self, m, control, node, value, until, name):
+        """A part of what the bus shows of a node, kept until a later cycle: registers, the newest first."""
+        schedule, registers = self._program.schedule, []
+        written = schedule.written[node]
+        for each in range(-(-(until - written) // schedule.period)):
+            register = Signal(len(value), name=f"{name}_{each}", reset_less=True)
+            with m.If(control.slot == written % schedule.period):
+                m.d.sync += register.eq(value)
+            registers.append(register)
+            value = register
+        return registers
 
-        signs = [kept(node, buses[schedule.bus[node]].sign, schedule.written[node] + 1, f"condition{index}")
-                 for index, node in enumerate(program.conditions)]
+    def _conditions(self, m, control, word, buses, condition):
+        """The condition of a choice: the sign of a value, kept since it was on the bus."""
+        program, schedule = self._program, self._program.schedule
+        ages: dict = {}
+        for node, age in program.conditions:
+            ages[node] = max(ages.get(node, 0), age)
+        signs = {node: self._kept(m, control, node, buses[schedule.bus[node]].sign,
+                                  schedule.written[node] + 1 + age * schedule.period, f"condition{index}")
+                 for index, (node, age) in enumerate(ages.items())}
         if signs:
-            m.d.sync += condition.eq(Array(signs)[word.condition.index] ^ word.condition.negate)
+            choice = Array([signs[node][age] for node, age in program.conditions])
+            m.d.sync += condition.eq(choice[word.condition.index] ^ word.condition.negate)
 
-        # The end of an update.
-        m.d.sync += finish.eq(commit)
-        status = [kept(operand.node, buses[schedule.bus[operand.node]].sign, schedule.commit, name) ^ operand.negated
+    def _outputs(self, m, control, stages, buses):
+        """The end of an update: finish, channel, status and outputs."""
+        schedule, graph = self._program.schedule, self._program.graph
+        m.d.sync += getattr(self, self._system.finish).eq(control.commit)
+
+        def kept(node, part, name):
+            return self._kept(m, control, node, part(buses[schedule.bus[node]]), schedule.commit, name)[-1]
+
+        status = [kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated
                   for name, operand in graph.status.items()]
-        with m.If(commit):
-            m.d.sync += [self.out_channel.eq(channel[last]),
-                         getattr(self, self._system.status_port).eq(Cat(*(bit & ~refuse for bit in status), refuse))]
+        with m.If(control.commit):
+            m.d.sync += [self.out_channel.eq(stages.channel[-1]),
+                         getattr(self, self._system.status_port).eq(
+                             Cat(*(bit & ~control.refuse for bit in status), control.refuse))]
         for port, node in graph.outputs.items():
-            value = kept(node, buses[schedule.bus[node]].as_value(), schedule.commit, f"{port}_d")
-            with m.If(commit & ~refuse):
+            value = kept(node, lambda bus: bus.as_value(), f"{port}_d")
+            with m.If(control.commit & ~control.refuse):
                 m.d.sync += getattr(self, port).eq(value)
-        return m
+
+
+class Stages(NamedTuple):
+    """Signals by stage of an update: whether there is one, its channel, the bank and the freshness of that channel's
+    state, and whether a number was not finite."""
+
+    valid: list[Signal]
+    channel: list[Signal]
+    bank: list[Signal]
+    fresh: list[Signal]
+    bad: list[Signal]
+
+
+class Control(NamedTuple):
+    """Signals of the sequencer: ``turn`` is the lowest bit of addresses that turn, ``busy`` has a bit for each
+    channel."""
+
+    counter: Signal
+    slot: Signal
+    beginning: Signal
+    taken: Signal
+    busy: Signal
+    turn: Signal
+    commit: Signal
+    refuse: Signal

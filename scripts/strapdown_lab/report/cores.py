@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from strapdown.cores import CONFIGS, Core, main_module, make_core
-from strapdown.kernel.stream import StreamEngine
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
 
@@ -49,7 +48,7 @@ def simulated_cycles(core, verilog, build):
     numbers[8], numbers[12] = 0, np.nan
     inputs = dict(zip(core.system.input_ports, numbers.T, strict=True))
     engine: Any = core.engine
-    if isinstance(engine, StreamEngine):
+    if engine.channels > 1:
         result = StreamModel(core, verilog, build).update(np.arange(16) % engine.program.channels, inputs)
         counts = {*zip(result["finished"][1:] - result["taken"][1:], np.diff(result["taken"]), strict=True)}
     else:

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from strapdown.cores import ATTITUDE_CORES, THESIS
-from strapdown.kernel.microprogram import Microprogram
+from strapdown.kernel.list_scheduler import list_schedule
+from strapdown.kernel.machine import UpdateMachine
 from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool
-from strapdown.kernel.schedule import schedule
+from strapdown.kernel.program import UpdateProgram
 
 POOL = THESIS.pool
 FORMAT = POOL.format
@@ -28,7 +29,7 @@ def interpret(program, inputs, memory, bank, fresh):
             return FORMAT.from_bits(memory[physical(address)])
 
         write = word.get("write", {})
-        bus = coming.get((program.sources[write.get("source", 0)], cycle))
+        bus = coming.get((program.sources["main"][write.get("source", 0)], cycle))
         name = program.other_sources[word.get("other", 0)]
         coming["other", cycle + 1] = ports[name] if name in ports else coming.get((name, cycle))
 
@@ -60,7 +61,7 @@ def interpret(program, inputs, memory, bank, fresh):
         if write.get("enable") and (fresh or not write["restore"]):
             memory[physical(write["address"])] = int(FORMAT.to_bits(bus))
         if side := word.get("side"):
-            aside[side["address"]] = coming[program.side_sources[side["source"]], cycle]
+            aside[side["address"]] = coming[program.sources["side"][side["source"]], cycle]
 
 
 POOLS = {
@@ -87,7 +88,7 @@ def test_words_of_every_kind_of_pool(pool):
 
 def check_words(name, pool):
     system = ATTITUDE_CORES[name](THESIS)
-    program = Microprogram(schedule(system.trace(pool), pool))
+    program = UpdateProgram(list_schedule(system.trace(pool), UpdateMachine(pool)))
     rng = np.random.default_rng(7)
     memory, bank, fresh = list(program.initial), 0, True
     state = {word: FORMAT.array(value) for word, value in system.reset.items()}
@@ -107,14 +108,14 @@ def check_words(name, pool):
 
 
 def test_state_words_come_in_pairs_before_everything_else():
-    program = Microprogram(schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), POOL))
+    program = UpdateProgram(list_schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), UpdateMachine(POOL)))
     assert program.state_words == 32
     assert min(program.constants.values()) == 32
     assert program.used <= program.depth == 64
 
 
 def test_memory_begins_with_the_constants():
-    program = Microprogram(schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), POOL))
+    program = UpdateProgram(list_schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL), UpdateMachine(POOL)))
     numbers = {float(FORMAT.from_bits(word)) for word in program.initial}
     gain = (THESIS.kp + THESIS.ki * THESIS.period_s) * THESIS.period_s / 2
     assert {1.0, 360.0, float(np.float32(gain)), float(np.float32(THESIS.period_s / 2 * np.pi / 180))} <= numbers

@@ -1,0 +1,59 @@
+"""What the engines have in common: memories, operand registers, operators and result buses."""
+
+from amaranth import *
+from amaranth.lib.memory import Memory
+
+__all__ = ["choose", "memory", "number_registers", "operand_registers", "operators"]
+
+
+def memory(program, depth, style, init=()):
+    """A memory of numbers."""
+    return Memory(shape=program.format.width, depth=depth, init=init, attrs={"ram_style": style.value})
+
+
+def number_registers(program, names):
+    """A register for each number, without reset."""
+    return [Signal(program.format.width, name=name, reset_less=True) for name in names]
+
+
+def operand_registers(m, program, word, fetch):
+    """Both operands of each pair of read ports, in registers: (port, "a" or "b") to Signal.
+
+    ``fetch(fields)`` gives an operand, as the fields of the word demand, before its sign is turned.
+    """
+    ports = {}
+    for port in program.read_ports:
+        for side in "ab":
+            fields = word[f"port{port}"][side]
+            operand = Signal(program.format.layout, name=f"port{port}_{side}", reset_less=True)
+            m.d.sync += operand.eq(fetch(fields) ^ (fields.negate << (program.format.width - 1)))
+            ports[port, side] = operand
+    return ports
+
+
+def operators(m, program, word, components, ports, results=None):
+    """The operators as submodules, each with its operands, its modes and a start a cycle after the word.
+
+    ``results`` are signals for their results, by name of the unit, if the buses do not take them from the units.
+    """
+    for unit in program.units:
+        m.submodules[unit.name] = component = components[unit.name]
+        if results:
+            m.d.comb += results[unit.name].eq(component.result)
+        begin = Signal(name=f"{unit.name}_start")
+        m.d.sync += begin.eq(word.start[unit.name])
+        m.d.comb += component.start.eq(begin)
+        for member, side in zip(unit.operands, "ab", strict=False):
+            m.d.comb += getattr(component, member).eq(ports[program.schedule.machine.port(unit), side])
+        for mode in unit.modes.values():
+            chosen = Signal(name=f"{unit.name}_{mode}", reset_less=True)
+            m.d.sync += chosen.eq(word.mode[f"{unit.name}_{mode}"])
+            m.d.comb += getattr(component, mode).eq(chosen)
+
+
+def choose(m, bus, source, results):
+    """Put the result of the number ``source`` on a bus."""
+    with m.Switch(source):
+        for index, result in enumerate(results):
+            with m.Case(index):
+                m.d.comb += bus.eq(result)

@@ -1,0 +1,299 @@
+"""Timing rules and resources of the engines: schedulers, schedules and programs all ask the same machine."""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from functools import cached_property
+from typing import NamedTuple
+
+from .pool import Pool, Unit
+from .trace import Graph, Node, Operand
+
+__all__ = ["BUSES", "Machine", "Problem", "Read", "Resource", "StreamMachine", "UpdateMachine", "kept", "reads"]
+
+BUSES = {"main": "result bus", "side": "side bus"}
+"""Names of the buses in reports."""
+
+
+class Read(NamedTuple):
+    """One operand of a step: the value, and whether it is the condition of a choice."""
+
+    operand: Operand
+    condition: bool = False
+
+    @property
+    def node(self):
+        """The node that is read."""
+        return self.operand.node
+
+
+def reads(node):
+    """All operands of a node in order, the condition last: tuple of Read."""
+    arguments = tuple(Read(operand) for operand in node.arguments)
+    return arguments if node.condition is None else (*arguments, Read(node.condition, condition=True))
+
+
+def kept(graph):
+    """Nodes whose values are wanted after the update: outputs, next state, status."""
+    return {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
+
+
+class Machine(ABC):
+    """The timing rules of an engine on a pool. All numbers are cycles.
+
+    An operation that is issued in a cycle finds its operands in the operand registers at the end of that cycle;
+    its result is on a result bus, and written at the end of the cycle, ``delay`` cycles later.
+
+    Parameters
+    ----------
+    pool : Pool
+
+    Attributes
+    ----------
+    lead : int
+        How long before an operand's use its address is needed.
+    first_issue, first_input : int
+        Earliest cycle of an operation and of an input.
+    """
+
+    lead: int
+    first_issue: int
+    first_input: int = 0
+
+    def __init__(self, pool: Pool):
+        self.pool = pool
+
+    @cached_property
+    def unit(self):
+        """Name to Unit."""
+        return {unit.name: unit for unit in self.pool.units}
+
+    @abstractmethod
+    def needs_step(self, node: Node) -> bool:
+        """Whether a node takes a place in the schedule."""
+
+    def units(self, node) -> list[Unit]:
+        """Units that can compute a node; none for an input."""
+        return self.pool.operations.get(node.operation, [])
+
+    @abstractmethod
+    def delay(self, node) -> int:
+        """Cycles from a node's issue to its result on the bus."""
+
+    @abstractmethod
+    def port(self, unit) -> int:
+        """The pair of read ports that feeds a unit."""
+
+    @abstractmethod
+    def buses(self, graph) -> dict[Node, tuple[str, ...]]:
+        """Node to the buses that can take its result, the preferred one first."""
+
+    @abstractmethod
+    def on_bus(self, graph) -> set[Node]:
+        """Nodes whose results take a bus in every schedule."""
+
+    @abstractmethod
+    def least_wait(self, read) -> int:
+        """Least number of cycles between a result and the issue that reads it."""
+
+    @abstractmethod
+    def may_wait(self, wait, read, interval) -> bool:
+        """Whether a result can be read ``wait`` cycles after it is on the bus."""
+
+    @abstractmethod
+    def fetched(self, read) -> bool:
+        """Whether a value that is not taken straight from the bus is read from an operand memory."""
+
+    def forwards(self, wait, read):
+        """Whether the reader takes the value as it comes out, and not from memory."""
+        return wait == 0 and self.least_wait(read) == 0
+
+
+class UpdateMachine(Machine):
+    """The rules of Engine: one update at a time.
+
+    Results of units that are not direct, and inputs, are registered on the way to the bus. A state word has a step too,
+    which puts its reset value back in the first update after a reset. A result may be forwarded to its readers in the
+    cycle in which it comes out; conditions and the state always come from memory.
+    """
+
+    def __init__(self, pool):
+        super().__init__(pool)
+        self.lead = self.first_issue = pool.memory_delay - 1
+
+    def needs_step(self, node):
+        return node.operation != "constant"
+
+    def units(self, node):
+        # A state word is put back by the unit that copies.
+        return self.pool.operations["copy"] if node.operation == "state" else super().units(node)
+
+    def delay(self, node):
+        units = self.units(node)
+        return 1 + units[0].latency + (not units[0].direct) if units else 1
+
+    def port(self, unit):
+        return unit.read_port
+
+    def buses(self, graph):
+        conditions = {node.condition.node for node in graph.nodes if node.condition is not None}
+        barred = kept(graph) | conditions
+        return {node: ("side", "main") if self.pool.side_memory and node.computed and node not in barred
+                and all(unit.direct for unit in self.units(node)) else ("main",) for node in graph.nodes}
+
+    def on_bus(self, graph):
+        result = kept(graph)
+        ports: dict[Node, Counter] = {}
+        for node in graph.nodes:
+            for read in reads(node):
+                if self.least_wait(read) or not node.spreads:
+                    result.add(read.node)
+            taken = {self.port(unit) for unit in self.units(node)}
+            for operand in dict.fromkeys(read.node for read in reads(node)):
+                ports.setdefault(operand, Counter()).update(taken if len(taken) == 1 else ())
+        result |= {node for node in graph.nodes if not all(unit.direct for unit in self.units(node))}
+        # Readers that share a port cannot all be issued in the cycle in which the result comes out.
+        result |= {node for node, counts in ports.items() if max(counts.values(), default=0) > 1}
+        return {node for node in result if self.needs_step(node)}
+
+    def least_wait(self, read):
+        from_memory = read.condition or read.node.operation == "state"
+        return 0 if self.pool.forwarding and not from_memory else self.pool.memory_delay
+
+    def may_wait(self, wait, read, interval):
+        return wait >= self.pool.memory_delay or self.forwards(wait, read)
+
+    def fetched(self, read):
+        return True
+
+
+class StreamMachine(Machine):
+    """The rules of StreamEngine: an update begins every ``interval`` cycles, and several are in flight.
+
+    Every result goes over one of two buses to the memory of that bus. State words need no steps: operands find them in
+    memory. Inputs are registered for one interval. An operand's address is needed a cycle before the operand;
+    conditions wait in registers of their own.
+    """
+
+    MEMORY_DELAY, CONDITION_DELAY = 2, 1
+
+    lead = 1
+    # The addresses of the first input and the first operation depend on what is known by then.
+    first_input, first_issue = 1, 2
+
+    def needs_step(self, node):
+        return node.operation not in ("constant", "state")
+
+    def delay(self, node):
+        units = self.units(node)
+        return 1 + units[0].latency if units else 0
+
+    def port(self, unit):
+        # What is pipelined has a pair to itself if the pool says so; the others share the first pair.
+        return unit.read_port if unit.direct else 0
+
+    def buses(self, graph):
+        own = set(graph.next_state.values())
+        preferred = {"input": ("side",), "multiply": ("side", "main"), "add": ("main", "side")}
+        return {node: ("main",) if node in own else preferred.get(node.operation, ("main",)) for node in graph.nodes}
+
+    def on_bus(self, graph):
+        return {node for node in graph.nodes if self.needs_step(node)}
+
+    def least_wait(self, read):
+        return self.CONDITION_DELAY if read.condition else self.MEMORY_DELAY
+
+    def may_wait(self, wait, read, interval):
+        return self.least_wait(read) <= wait <= (interval if read.condition else 2 * interval)
+
+    def fetched(self, read):
+        return not read.condition
+
+
+class Resource(NamedTuple):
+    """What a schedule uses: ``nodes`` take one of its ``instances`` for ``cycles`` each."""
+
+    nodes: list[Node]
+    cycles: int = 1
+    instances: int = 1
+
+
+class Problem:
+    """A graph on a machine, as schedulers see it.
+
+    Attributes
+    ----------
+    nodes : list of Node
+        Those that need a step, operands before results.
+    units, delay, buses : dict
+        Node to its units, to the cycles from issue to result, and to the buses its result can take.
+    operands, readers : dict
+        Node to the (other node, Read) of its operands, and of the nodes that read it.
+    to_go, to_come : dict
+        Node to the least number of cycles from its issue to the end of the update, and from the beginning to its issue.
+    """
+
+    def __init__(self, graph: Graph, machine: Machine):
+        self.graph, self.machine = graph, machine
+        self.nodes = [node for node in graph.nodes if machine.needs_step(node)]
+        self.units = {node: machine.units(node) for node in self.nodes}
+        self.delay = {node: machine.delay(node) for node in self.nodes}
+        self.buses = machine.buses(graph)
+        known = set(self.nodes)
+        self.operands = {node: [(read.node, read) for read in reads(node) if read.node in known] for node in self.nodes}
+        self.readers: dict[Node, list[tuple[Node, Read]]] = {node: [] for node in self.nodes}
+        for node in self.nodes:
+            for operand, read in self.operands[node]:
+                self.readers[operand].append((node, read))
+        self.to_go: dict[Node, int] = {}
+        for node in reversed(self.nodes):
+            rest = max((self.to_go[reader] + machine.least_wait(read) for reader, read in self.readers[node]),
+                       default=1)
+            self.to_go[node] = self.delay[node] + rest
+        self.to_come: dict[Node, int] = {}
+        for node in self.nodes:
+            self.to_come[node] = max((self.to_come[operand] + self.delay[operand] + machine.least_wait(read)
+                                      for operand, read in self.operands[node]), default=0)
+
+    @cached_property
+    def resources(self) -> tuple[dict[str, Resource], dict[str, Resource]]:
+        """Units and read ports by name, and buses by name."""
+        groups: dict[tuple[str, ...], list[Node]] = {}
+        ports: dict[str, list[Node]] = {}
+        for node in self.nodes:
+            if node.computed:
+                groups.setdefault(tuple(unit.name for unit in self.units[node]), []).append(node)
+                taken = {self.machine.port(unit) for unit in self.units[node]}
+                if len(taken) == 1:
+                    ports.setdefault(f"read port {taken.pop()}", []).append(node)
+        issues = {"/".join(names): Resource(nodes, self.units[nodes[0]][0].interval, len(names))
+                  for names, nodes in groups.items()}
+        issues |= {name: Resource(nodes) for name, nodes in ports.items()}
+        on_bus = self.machine.on_bus(self.graph)
+        written = [node for node in self.nodes if node in on_bus]
+        names = dict.fromkeys(bus for node in self.nodes for bus in self.buses[node])
+        results = {BUSES[bus]: Resource([node for node in written if self.buses[node] == (bus,)]) for bus in names}
+        if len(names) > 1:
+            results["pair of buses"] = Resource(written, instances=len(names))
+        return issues, {name: resource for name, resource in results.items() if resource.nodes}
+
+    def intervals(self):
+        """Least interval between updates, by the resource that demands it."""
+        issues, results = self.resources
+        return {name: -(-len(nodes) // instances) * cycles
+                for name, (nodes, cycles, instances) in (issues | results).items()}
+
+    def lengths(self):
+        """Least length of a whole update: of "dependences", and for each resource the time that it is taken, with the
+        shortest way to and from it."""
+        def taken(resource):
+            return (len(resource.nodes) - 1) // resource.instances * resource.cycles
+
+        issues, results = self.resources
+        bounds = {"dependences": max(self.to_go.values())}
+        for name, resource in issues.items():
+            bounds[name] = (min(self.to_come[node] for node in resource.nodes) + taken(resource)
+                            + min(self.to_go[node] for node in resource.nodes))
+        for name, resource in results.items():
+            bounds[name] = (min(self.to_come[node] + self.delay[node] for node in resource.nodes) + taken(resource)
+                            + min(self.to_go[node] - self.delay[node] for node in resource.nodes))
+        return bounds

@@ -1,0 +1,560 @@
+"""A schedule as words of a ROM, with an address for every value."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from amaranth import unsigned
+from amaranth.lib import data
+from amaranth.utils import bits_for, exact_log2
+
+from .machine import Read, reads
+from .schedule import Schedule, Step
+from .trace import Node, Operand
+
+__all__ = ["NEXT", "PLAIN", "STATE", "TURNED", "Program", "StreamProgram", "UpdateProgram"]
+
+PLAIN, TURNED, STATE, NEXT = "plain", "turned", "state", "next"
+"""Kinds of addresses in a stream program: as it is; with the lowest bit turned in every other interval; a word of
+the state, and of the next state, of the channel in a stage."""
+
+
+@dataclass(frozen=True)
+class Program(ABC):
+    """The ROM of an engine, a word for each cycle of the schedule's period, and the map of its memories.
+
+    A word tells what happens in its cycle to all updates in flight. It routes operands, starts units and names what
+    goes on a bus; the address of an operand stands ``machine.lead`` words before the rest.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    """
+
+    schedule: Schedule
+
+    @property
+    def format(self):
+        """Format of all numbers."""
+        return self.schedule.pool.format
+
+    @property
+    def graph(self):
+        """The operations."""
+        return self.schedule.graph
+
+    @property
+    def length(self):
+        """Words, that is cycles of an update, or from one update to the next."""
+        return self.schedule.period
+
+    @cached_property
+    def units(self):
+        """Units that the program uses, in the pool's order."""
+        used = {step.unit for step in self.schedule.steps}
+        return tuple(unit for unit in self.schedule.pool.units if unit.name in used)
+
+    @cached_property
+    def read_ports(self):
+        """Pairs of read ports that the program uses."""
+        return tuple(sorted({self.schedule.machine.port(unit) for unit in self.units}))
+
+    @abstractmethod
+    def source(self, step: Step) -> str:
+        """The name under which a step's result goes on a bus."""
+
+    @cached_property
+    def sources(self):
+        """Bus to what can be put on it: the units' names, and one for what comes another way."""
+        seen = {(step.bus, self.source(step)) for step in self.schedule.steps if self.schedule.on_bus(step)}
+        names = dict.fromkeys([*(unit.name for unit in self.units), *sorted(name for _, name in seen)])
+        return {bus: tuple(name for name in names if (bus, name) in seen) for bus in ("main", "side")}
+
+    # The memories.
+
+    @property
+    @abstractmethod
+    def state(self) -> dict[str, int]:
+        """State word to the address of its first bank."""
+
+    @property
+    @abstractmethod
+    def constants(self) -> dict[float, int]:
+        """Constants that must lie in the main memory: magnitude to address."""
+
+    @property
+    @abstractmethod
+    def addresses(self) -> dict[Node, int]:
+        """Address of every value, in the memory of its bus; of two addresses the even one."""
+
+    @property
+    @abstractmethod
+    def depth(self) -> int:
+        """Words of the main memory, a power of two."""
+
+    @cached_property
+    def side_depth(self):
+        """Words of the side memory: a power of two, or 0 if there is none."""
+        used = max((self.addresses[node] + self._turned(node) for node in self.schedule.aside), default=-1) + 1
+        return 1 << (used - 1).bit_length() if used else 0
+
+    def _lifetime(self, node):
+        """From when on, and for how many cycles, an address is a value's."""
+        write = self.schedule.written[node]
+        return write, max(self.schedule.last_read.get(node, 0) - write, 1)
+
+    def _turned(self, node):
+        """Whether a value has two addresses, for every other update: it is wanted for longer than a period."""
+        return self._lifetime(node)[1] > self.length
+
+    def _allocated(self, nodes, free: Sequence[int]):
+        """Address of each node, in order: the first of ``free`` that no other has while this one is kept.
+
+        Raises: ValueError if there is none.
+        """
+        taken = dict.fromkeys(free, 0)
+        addresses: dict[Node, int] = {}
+        for node in nodes:
+            begin, cycles = self._lifetime(node)
+            begin %= self.length
+            mask = ((1 << min(cycles, self.length)) - 1) << begin
+            mask = (mask | mask >> self.length) & ((1 << self.length) - 1)
+            for address in free:
+                wanted = [address, address + 1] if self._turned(node) else [address]
+                if address % len(wanted) == 0 and all(not taken.get(each, -1) & mask for each in wanted):
+                    break
+            else:
+                raise ValueError(f"the memory has no room for {node}")
+            for each in wanted:
+                taken[each] |= mask
+            addresses[node] = address
+        return addresses
+
+    @cached_property
+    def initial(self):
+        """Contents of the main memory when the device is configured, as encodings."""
+        words = [0] * self.depth
+        for value, address in self.constants.items():
+            words[address] = self.format.encode(value)
+        return tuple(words)
+
+    @abstractmethod
+    def place(self, node: Node) -> str:
+        """Where a value is, in listings."""
+
+    def operand_place(self, step, read):
+        """Where a step takes an operand from, in listings."""
+        return self.place(read.node)
+
+    # The words.
+
+    @property
+    @abstractmethod
+    def _operand_layout(self) -> data.StructLayout:
+        """Fields that route an operand."""
+
+    @property
+    @abstractmethod
+    def _other_fields(self) -> dict:
+        """Fields beside those of operands and units."""
+
+    @cached_property
+    def layout(self):
+        """Layout of a word."""
+        operand = self._operand_layout
+        fields: dict = {f"port{port}": data.StructLayout({"a": operand, "b": operand}) for port in self.read_ports}
+        fields["start"] = data.StructLayout({unit.name: 1 for unit in self.units})
+        modes = [f"{unit.name}_{mode}" for unit in self.units for mode in unit.modes.values()]
+        if modes:
+            fields["mode"] = data.StructLayout(dict.fromkeys(modes, 1))
+        return data.StructLayout(fields | self._other_fields)
+
+    @cached_property
+    def words(self) -> list[dict]:
+        """The program: one dict, nested as ``layout``, a cycle."""
+        words: list[dict] = [{} for _ in range(self.length)]
+
+        def put(cycle, *path, **fields):
+            word = words[self.schedule.slot(cycle)]
+            for name in path:
+                word = word.setdefault(name, {})
+            word |= fields
+
+        machine = self.schedule.machine
+        for step in self.schedule.steps:
+            if self.schedule.on_bus(step):
+                self._write(put, step)
+            if step.unit == "input":
+                continue
+            unit = machine.unit[step.unit]
+            put(step.issue, "start", **{unit.name: 1})
+            if step.node.operation in unit.modes:
+                put(step.issue, "mode", **{f"{unit.name}_{unit.modes[step.node.operation]}": 1})
+            arguments = [read for read in self.reads(step) if not read.condition]
+            # A single operand goes to both ports, which makes a copy of a choice.
+            for side, read in zip("ab", (arguments[0], arguments[min(1, len(arguments) - 1)]), strict=True):
+                path = f"port{machine.port(unit)}", side
+                put(step.issue, *path, negate=int(read.operand.negated), **self._route(step, read))
+                put(step.issue - machine.lead, *path, **self._fetch(step, read))
+            if step.node.condition is not None:
+                put(step.issue, "condition", negate=int(step.node.condition.negated), **self._condition(step))
+        self._finish(put)
+        return words
+
+    def reads(self, step):
+        """All that a step reads: tuple of Read. A step that restores the state reads a constant."""
+        if step.node.operation == "state":
+            return (Read(Operand(Node("constant", value=self.graph.state[step.node.label]))),)
+        return reads(step.node)
+
+    @abstractmethod
+    def _write(self, put, step):
+        """Put the fields that take a step's result over a bus."""
+
+    @abstractmethod
+    def _route(self, step, read) -> dict:
+        """Fields that choose where an operand comes from."""
+
+    @abstractmethod
+    def _fetch(self, step, read) -> dict:
+        """Fields that tell where in memory an operand is."""
+
+    @abstractmethod
+    def _condition(self, step) -> dict:
+        """Fields that choose the condition of a step."""
+
+    @abstractmethod
+    def _finish(self, put):
+        """Put what does not belong to a step."""
+
+
+class UpdateProgram(Program):
+    """The program of Engine, one word for each cycle of an update.
+
+    The memory begins with the state: words ``2k`` and ``2k + 1`` are the two banks of state word k. Programs say ``2k``
+    for the state and ``2k + 1`` for the next state; the engine turns the lowest bit of these addresses from update to
+    update. Constants follow, then the values of one update, each in place from the cycle after its write to its last
+    read. The addresses of the side memory are the highest ones of the main memory, which the banks do not turn.
+    """
+
+    def source(self, step):
+        return step.unit if step.unit in self.schedule.direct else "other"
+
+    @cached_property
+    def other_sources(self):
+        """What can be registered on the way to the bus: the names of units that are not direct, and the input ports."""
+        return (*(unit.name for unit in self.units if not unit.direct), *self.graph.inputs)
+
+    @cached_property
+    def operand_sources(self):
+        """Where an operand can come from: "memory", "side" memory, the direct units whose results are taken
+        as they come out, and "bus" for all other results."""
+        found = {self.operand_source(step, read) for step in self.schedule.steps
+                 for read in self.reads(step) if not read.condition} | {"memory"}
+        return tuple(name for name in ("memory", "side", *(unit.name for unit in self.units), "bus") if name in found)
+
+    def operand_source(self, step, read):
+        """One of ``operand_sources``: where ``step`` takes an operand from."""
+        if not self.schedule.forwarded(step, read):
+            return "side" if read.node in self.schedule.aside else "memory"
+        producer = self._unit_of[read.node]
+        return producer if producer in self.schedule.direct else "bus"
+
+    @cached_property
+    def _unit_of(self):
+        return {step.node: step.unit for step in self.schedule.steps}
+
+    @property
+    def state_words(self):
+        """Addresses below this belong to the state."""
+        return 2 * len(self.graph.state)
+
+    @cached_property
+    def state(self):
+        return {word: 2 * index for index, word in enumerate(self.graph.state)}
+
+    @cached_property
+    def constants(self):
+        values = dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant")
+        values |= dict.fromkeys(self.graph.state.values())
+        return {value: self.state_words + index for index, value in enumerate(values)}
+
+    @cached_property
+    def addresses(self):
+        addresses = {node: self.constants[node.value] for node in self.graph.nodes if node.operation == "constant"}
+        addresses |= {node: self.state[node.label] for node in self.graph.nodes if node.operation == "state"}
+        addresses |= {node: self.state[word] + 1 for word, node in self.graph.next_state.items()}
+        for bus, first in ("main", self.state_words + len(self.constants)), ("side", 0):
+            steps = [step for step in self.schedule.steps
+                     if step.stored and step.bus == bus and step.node not in addresses]
+            nodes = [step.node for step in sorted(steps, key=lambda step: step.write)]
+            addresses |= self._allocated(nodes, range(first, first + len(nodes)))
+        return addresses
+
+    @cached_property
+    def _lasting(self):
+        """Nodes whose address is written last by them: outputs and status wait for that."""
+        return {*self.graph.outputs.values(), *(operand.node for operand in self.graph.status.values())}
+
+    def _lifetime(self, node):
+        write, cycles = super()._lifetime(node)
+        return write, self.length - write if node in self._lasting else cycles
+
+    @cached_property
+    def used(self):
+        """Words of memory in use, but for the side memory."""
+        return max([*(address for node, address in self.addresses.items() if node not in self.schedule.aside),
+                    *self.constants.values(), self.state_words - 1]) + 1
+
+    @cached_property
+    def depth(self):
+        return 1 << (self.used - 1).bit_length()
+
+    def place(self, node):
+        names = {node: name for name, node in self.graph.outputs.items()}
+        names |= {node: f"{word}'" for word, node in self.graph.next_state.items()}
+        name = names.get(node) or node.label
+        memory = "side" if node in self.schedule.aside else ""
+        return f"{memory}[{self.addresses[node]}" + (f" {name}]" if name else "]")
+
+    def operand_place(self, step, read):
+        source = self.operand_source(step, read)
+        return self.place(read.node) if read.condition or source in ("memory", "side") else f"<{source}>"
+
+    @property
+    def address_fields(self):
+        """Paths of those parts of ``layout`` that have an ``address`` in the operand memory."""
+        operands = [(f"port{port}", side) for port in self.read_ports for side in "ab"]
+        conditions = [("condition",)] if "condition" in self.layout.members else []
+        return (*operands, *conditions, ("write",))
+
+    @property
+    def _address(self):
+        return unsigned((self.depth - 1).bit_length())
+
+    @property
+    def _operand_layout(self):
+        return data.StructLayout({
+            "address": self._address, "negate": 1, "source": unsigned((len(self.operand_sources) - 1).bit_length())})
+
+    @property
+    def _other_fields(self):
+        fields = {}
+        if any(unit.takes_condition for unit in self.units):
+            fields["condition"] = data.StructLayout({"address": self._address, "negate": 1})
+        fields["write"] = data.StructLayout({"enable": 1, "restore": 1, "address": self._address,
+                                             "source": unsigned((len(self.sources["main"]) - 1).bit_length())})
+        if self.side_depth:
+            fields["side"] = data.StructLayout({"enable": 1, "address": unsigned((self.side_depth - 1).bit_length()),
+                                                "source": unsigned((len(self.sources["side"]) - 1).bit_length())})
+        other = unsigned(max(1, (len(self.other_sources) - 1).bit_length()))
+        return {**fields, "other": other, "advance": 1}
+
+    def _write(self, put, step):
+        source, write = self.source(step), {"main": "write", "side": "side"}[step.bus]
+        put(step.write, write, source=self.sources[step.bus].index(source))
+        if source == "other":
+            name = step.node.label if step.unit == "input" else step.unit
+            put(step.write - 1, other=self.other_sources.index(name))
+        if step.stored:
+            put(step.write, write, enable=1, address=self.addresses[step.node])
+        if step.stored and write == "write":
+            put(step.write, write, restore=int(step.node.operation == "state"))
+
+    def _route(self, step, read):
+        return {"source": self.operand_sources.index(self.operand_source(step, read))}
+
+    def _fetch(self, step, read):
+        source = self.operand_source(step, read)
+        if source not in ("memory", "side"):
+            return {}
+        node = read.node
+        address = self.constants[node.value] if node.operation == "constant" else self.addresses[node]
+        return {"address": address + (self.depth - self.side_depth if source == "side" else 0)}
+
+    def _condition(self, step):
+        return {"address": self.addresses[step.node.condition.node]}
+
+    def _finish(self, put):
+        for end in self.schedule.section_ends:
+            put(end, advance=1)
+
+
+@dataclass(frozen=True)
+class StreamProgram(Program):
+    """The program of StreamEngine, one word for each cycle of the interval.
+
+    A word acts on the update in stage s as that update's cycle ``s * length + index`` demands.
+
+    The main memory has a lower half for the state, word k of channel c and bank b at
+    ``(k * channels + c) * 2 + b``, and an upper half in which the same word stands as after a reset,
+    where c and b are zero, with constants and values of updates around it.
+    A value that is wanted for longer than an interval has two addresses, for every other update.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        With an interval.
+    channels : int
+        Number of states, a power of two from 2 to 64.
+
+    Raises: ValueError for another number of channels.
+    """
+
+    channels: int
+
+    def __post_init__(self):
+        if not 2 <= self.channels <= 64 or self.channels & (self.channels - 1):
+            raise ValueError(f"channels must be a power of two from 2 to 64, not {self.channels!r}")
+
+    def source(self, step):
+        return step.unit
+
+    @cached_property
+    def conditions(self):
+        """What choices depend on: tuples of a node, and of how many intervals ago its sign was found."""
+        found = [self._aged(step) for step in self.schedule.steps if step.node.condition is not None]
+        return tuple(dict.fromkeys(found))
+
+    def _aged(self, step):
+        node = step.node.condition.node
+        return node, (step.issue - self.schedule.written[node] - 1) // self.length
+
+    @property
+    def _low_bits(self):
+        return exact_log2(self.channels) + 1
+
+    @cached_property
+    def state(self):
+        return {word: index << self._low_bits for index, word in enumerate(self.graph.state)}
+
+    @cached_property
+    def _main(self):
+        """Bits of an address in each half; constants, and what the memory keeps of an update, with their addresses."""
+        values = dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant")
+        own = set(self.graph.next_state.values())
+        nodes = self._longest_first(
+            node for node, bus in self.schedule.bus.items() if bus == "main" and node not in own)
+        bits = bits_for(max(len(self.graph.state), 1) - 1) + self._low_bits
+        while True:
+            upper = 1 << bits
+            free = [address for address in range(upper, 2 * upper)
+                    if address % (1 << self._low_bits) or address - upper >= len(self.graph.state) << self._low_bits]
+            try:
+                constants = dict(zip(values, free[:-len(values) - 1:-1], strict=True))
+                return bits, constants, self._allocated(nodes, free[:len(free) - len(constants)])
+            except ValueError:
+                bits += 1
+
+    @cached_property
+    def _side(self):
+        nodes = self._longest_first(node for node, bus in self.schedule.bus.items() if bus == "side")
+        return self._allocated(nodes, range(2 * len(nodes)))
+
+    def _longest_first(self, nodes):
+        return sorted(nodes, key=lambda node: -self._lifetime(node)[1])
+
+    @property
+    def upper(self):
+        """First address of the upper half of the main memory."""
+        return 1 << self._main[0]
+
+    @property
+    def depth(self):
+        return 2 * self.upper
+
+    @property
+    def constants(self):
+        return self._main[1]
+
+    @property
+    def addresses(self):
+        return {**self._main[2], **self._side}
+
+    @cached_property
+    def initial(self):
+        words = list(super().initial)
+        for word, value in self.graph.state.items():
+            words[self.upper + self.state[word]] = self.format.encode(value)
+        return tuple(words)
+
+    def place(self, node):
+        if not node.computed:
+            return node.label
+        return f"{self._own[node]}'" if node in self._own else f"{self.schedule.bus[node]}[{self.addresses[node]}]"
+
+    @cached_property
+    def kinds(self):
+        """Kinds of addresses, in the order of their numbers: pairs of a kind and, of the state, a stage."""
+        stages = range(self.schedule.stages)
+        read_again = {(NEXT, self._stage(step.issue - 2)) for step in self.schedule.steps
+                      for read in reads(step.node) if not read.condition and read.node in self._own}
+        return ((PLAIN, 0), (TURNED, 0), *((STATE, stage) for stage in stages), *sorted(read_again))
+
+    @cached_property
+    def _own(self):
+        """Node to the state word that it is the next value of."""
+        return {node: word for word, node in self.graph.next_state.items()}
+
+    @property
+    def _kind(self):
+        return unsigned(bits_for(len(self.kinds) - 1))
+
+    @property
+    def _operand_layout(self):
+        return data.StructLayout({"address": exact_log2(self.depth), "kind": self._kind,
+                                  **({"side": 1} if self.side_depth else {}), "negate": 1})
+
+    @property
+    def _other_fields(self):
+        fields: dict = {}
+        if self.conditions:
+            index = unsigned(bits_for(len(self.conditions) - 1))
+            fields["condition"] = data.StructLayout({"index": index, "negate": 1})
+        stage = unsigned(bits_for(self.schedule.stages - 1))
+        for bus, depth in self.depths.items():
+            fields[bus] = data.StructLayout({
+                "enable": 1, "address": exact_log2(depth), "kind": self._kind, "stage": stage,
+                "source": unsigned(bits_for(len(self.sources[bus]) - 1))})
+        return {**fields, "input": unsigned(bits_for(len(self.graph.inputs) - 1))}
+
+    @property
+    def depths(self):
+        """Bus to the words of its memory."""
+        return {"main": self.depth, **({"side": self.side_depth} if self.side_depth else {})}
+
+    def _stage(self, cycle):
+        return cycle // self.length
+
+    def _place(self, node, cycle, state=STATE):
+        """Address and kind for a word that acts in ``cycle``; where it points to is settled in the cycle before."""
+        stage = self._stage(cycle - 1)
+        if node.operation == "constant":
+            address, kind = self.constants[node.value], (PLAIN, 0)
+        elif node.operation == "state" or node in self._own:
+            address, kind = self.state[self._own.get(node, node.label)], (state, stage)
+        elif self._turned(node):
+            address, kind = self.addresses[node] + stage % 2, (TURNED, 0)
+        else:
+            address, kind = self.addresses[node], (PLAIN, 0)
+        return {"address": address, "kind": self.kinds.index(kind)}
+
+    def _write(self, put, step):
+        # What is on the bus is judged a cycle later.
+        put(step.write, step.bus, enable=1, source=self.sources[step.bus].index(step.unit),
+            stage=self._stage(step.write + 1), **self._place(step.node, step.write))
+        if step.unit == "input":
+            put(step.issue, input=self.graph.inputs.index(step.node.label))
+
+    def _route(self, step, read):
+        return {"side": int(read.node in self.schedule.aside)} if self.side_depth else {}
+
+    def _fetch(self, step, read):
+        return self._place(read.node, step.issue - 1, NEXT if read.node in self._own else STATE)
+
+    def _condition(self, step):
+        return {"index": self.conditions.index(self._aged(step))}
+
+    def _finish(self, put):
+        pass  # all fields belong to steps
