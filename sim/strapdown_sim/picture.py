@@ -7,7 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .errors import angle_difference
 
-__all__ = ["attitude_picture"]
+__all__ = ["attitude_picture", "outputs_picture"]
 
 _ANGLES = "roll", "pitch", "yaw"
 _ANGLE_COLOURS = "#3366aa", "#cc6633", "#448855"
@@ -72,6 +72,47 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
     panels[0].set_title(title, loc="left", fontweight="bold", pad=26)
     panels[0].legend(handles, labels[:len(handles)], loc="lower left", bbox_to_anchor=(0, 1), ncols=len(handles),
                      frameon=False, fontsize="small", borderaxespad=0.3, markerscale=3)
+    FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
+
+
+def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings):
+    """Draw outputs of a core over time, a panel each, with those of the reference model behind them.
+
+    Parameters
+    ----------
+    path : path-like
+        PNG file to write.
+    title : str
+        Headline.
+    time_s : ndarray, shape (N,)
+        Time, seconds.
+    hardware, reference_model : dict
+        Output port to numbers, shape (N,).
+    meanings : dict
+        Output port to its meaning, with the unit.
+
+    Notes
+    -----
+    Outputs whose meaning has the unit degrees have a hole where they jump by more than half a turn.
+    """
+    time_s = np.asarray(time_s, float)
+    figure = Figure(figsize=(9.0, 0.9 + 1.5 * len(hardware)), dpi=150, layout="constrained")
+    for axes, (port, values) in zip(figure.subplots(len(hardware), 1, sharex=True, squeeze=False)[:, 0],
+                                    hardware.items(), strict=True):
+        drawn = _without_jumps if "degrees" in meanings[port] else np.asarray
+        handles = [*axes.plot(time_s, drawn(values), color=_HARDWARE, linewidth=0.8, zorder=3),
+                   *axes.plot(time_s, drawn(reference_model[port]), color=_REFERENCE, linewidth=3.2, zorder=2)]
+        axes.set_ylabel(port.removeprefix("out_"))
+        axes.set_title(meanings[port], loc="left", fontsize="small", color="0.35")
+        axes.grid(color=_GRID, linewidth=0.6)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    axes.set_xlabel("time (s)")
+    axes.set_xlim(time_s[0], time_s[-1])
+    figure.align_ylabels()
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    figure.legend(handles, ["hardware", "kernel in float64"], loc="outside upper right", ncols=2, frameon=False,
+                  fontsize="small")
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
 

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.cores import main_module, make_core
+from strapdown.config import ConfigError
+from strapdown.cores import main_module, make_core, system_of
 from strapdown.export import write_core
 
 from .drivers.core import CoreModel
 from .errors import (
+    angle_difference,
     attitude_errors,
     conjugate,
     match_reference,
@@ -21,7 +23,7 @@ from .errors import (
     rms,
     rotation_angle,
 )
-from .picture import attitude_picture
+from .picture import attitude_picture, outputs_picture
 from .reference.attitude import ComplementaryFilter, euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS, FlightFilter
 
@@ -34,17 +36,20 @@ class Replay:
 
     Attributes
     ----------
-    quaternion : ndarray, shape (N, 4)
-        Sensor to the configuration's navigation frame, scalar first, of the circuit's matrix.
-    angles : ndarray, shape (N, 3)
-        The circuit's roll, pitch and yaw in degrees.
+    outputs : dict
+        The circuit's outputs by the kernel's names, as ``System.read`` gives them.
     summary : dict
         What ``summary.json`` says.
+    quaternion : ndarray, shape (N, 4), or None
+        Sensor to the configuration's navigation frame, scalar first, of the circuit's matrix.
+    angles : ndarray, shape (N, 3), or None
+        The circuit's roll, pitch and yaw in degrees.
     """
 
-    quaternion: np.ndarray
-    angles: np.ndarray
+    outputs: dict
     summary: dict
+    quaternion: np.ndarray | None = None
+    angles: np.ndarray | None = None
 
 
 def complementary_filter(config):
@@ -66,17 +71,21 @@ The reference has ``run(accel, mag, gyro_deg_s)``; the configuration has ``frame
 
 
 def replay(recording, config, directory, *, build, command, progress=None):
-    """Run a recording through INS_top or INS_flight in Verilator, from reset, and write what came out.
+    """Run a recording through the main module of a configuration in Verilator, from reset, and write what came out.
 
-    The core is generated for the recording's sample rate. The folder gets its ``.v`` and ``.json``,
-    ``attitude.csv`` (t in seconds; q from sensor to earth; pitch, roll, yaw in degrees),
-    ``summary.json`` and ``attitude.png``.
+    The core is generated for the recording's sample rate. Its inputs ``a`` (m/s^2), ``m`` (uT) and ``g``
+    (deg/s), by the kernel's names, are the recording's; ``constant_inputs`` of the configuration gives all others.
+    The folder gets the core's ``.v`` and ``.json``, ``summary.json``, and
+
+    - of a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
+      sensor to earth; pitch, roll, yaw in degrees) and ``attitude.png``;
+    - of any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``.
 
     Parameters
     ----------
     recording : Recording
     config : Config
-        Its main module is one of REFERENCES; its sample rate is replaced by the recording's.
+        Has one channel; its sample rate is replaced by the recording's.
     directory : Path
         Folder to write to.
     build : Path
@@ -89,6 +98,8 @@ def replay(recording, config, directory, *, build, command, progress=None):
     Returns
     -------
     Replay
+
+    Raises: ConfigError for a configuration of several channels, or with inputs that a recording does not have.
     """
     progress = progress or (lambda stage, done, total: None)
     count = len(recording.time_s)
@@ -97,39 +108,59 @@ def replay(recording, config, directory, *, build, command, progress=None):
     progress("build", 0, 1)
     config = config.replace(sample_rate_hz=recording.sample_rate_hz)
     module = main_module(config)
-    core, reference_model = make_core(module, config), REFERENCES[module](config)
+    if config.channels > 1:
+        raise ConfigError(f"{module} takes the samples of {config.channels} sensors, and a recording has one: "
+                          "replay it with channels=1")
+    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
+    vectors = {"a": recording.accel, "m": mag, "g": recording.gyro_deg_s} | config.constant_inputs()
+    system = system_of(module, config)
+    if unknown := [name for name in system.inputs if name not in vectors]:
+        raise ConfigError(f"{module} has an input {unknown[0]!r}, and a recording has only a, m and g: give it a value "
+                          f"in constant_inputs of {type(config).__name__}")
+    core = make_core(module, config)
     verilog = write_core(core, config, directory,
                          f"{command} --module {module} --set sample_rate_hz={recording.sample_rate_hz!r}")
     model = CoreModel(core, verilog, build)
     progress("build", 1, 1)
 
-    system = core.system
-    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
-    vectors = {"a": recording.accel, "m": mag, "g": recording.gyro_deg_s} | config.constant_inputs()
     inputs = system.bind(**{name: vectors[name] for name in system.inputs})
     result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
 
     progress("compare", 0, 2)
-    outputs = system.read(result)
-    quaternion = quaternion_from_matrix(outputs["c"])
-    # The core's order is pitch, roll, yaw.
-    angles = outputs["angles"][:, [1, 0, 2]].astype(float)
-    differing = model.differing_bits(inputs, result)
+    outputs, differing = system.read(result), model.differing_bits(inputs, result)
     progress("compare", 1, 2)
-    truth = reference_model.run(recording.accel, mag, recording.gyro_deg_s)
-    difference = rotation_angle(quaternion, quaternion_from_matrix(truth.c_n2b))
+    refused = core.engine.status_names.index("refused") if system.status_port else None
     summary = {
         "recording": recording.name,
         "config": config.name,
-        "frame": config.frame,
-        "quaternion": "sensor to earth, scalar first",
         "samples": count,
         "sample_rate_hz": recording.sample_rate_hz,
         "cycles_per_update": core.latency,
         "microseconds_per_update_at_100_mhz": core.latency / 100,
-        "refused_updates": int(((result["out_status"] >> core.engine.status_names.index("refused")) & 1).sum()),
-        "against_float64_reference_deg": {"max": float(difference.max()), "rms": rms(difference)},
+        "refused_updates": 0 if refused is None else int(((result[system.status_port] >> refused) & 1).sum()),
         "bits_differing_from_twin": differing,
+    }
+    title = f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz"
+    if module in REFERENCES:
+        found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
+            recording.accel, mag, recording.gyro_deg_s), directory, title, summary)
+    else:
+        found = _outputs(recording, system, result, system.run_float64(inputs), directory, title, summary)
+    (directory / "summary.json").write_text(json.dumps(found.summary, indent=2) + "\n", encoding="utf-8")
+    progress("compare", 2, 2)
+    return found
+
+
+def _attitude(recording, config, outputs, truth, directory, title, summary):
+    """The attitude that a core found, beside its float64 reference and what the recording knows: CSV and picture."""
+    quaternion = quaternion_from_matrix(outputs["c"])
+    # The core's order is pitch, roll, yaw.
+    angles = outputs["angles"][:, [1, 0, 2]].astype(float)
+    difference = rotation_angle(quaternion, quaternion_from_matrix(truth.c_n2b))
+    summary |= {
+        "frame": config.frame,
+        "quaternion": "sensor to earth, scalar first",
+        "against_float64_reference_deg": {"max": float(difference.max()), "rms": rms(difference)},
     }
     device = np.full_like(angles, np.nan)
     if recording.reference is not None:
@@ -144,22 +175,37 @@ def replay(recording, config, directory, *, build, command, progress=None):
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
 
-    _write_attitude(directory / "attitude.csv", recording.time_s, quaternion, angles)
-    (directory / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    columns = {f"q{index}": (quaternion[:, index], 9) for index in range(4)}
+    columns |= {name: (angles[:, index], 6) for name, index in (("pitch", 1), ("roll", 0), ("yaw", 2))}
+    _write_csv(directory / "attitude.csv", recording.time_s, columns)
     attitude_picture(
-        directory / "attitude.png", time_s=recording.time_s, hardware=angles,
-        title=f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz",
+        directory / "attitude.png", title=title, time_s=recording.time_s, hardware=angles,
         reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1),
         device=None if recording.reference is None else device,
         labels=("hardware", "float64 reference", "recorded reference"))
-    progress("compare", 2, 2)
-    return Replay(quaternion, angles, summary)
+    return Replay(outputs, summary, quaternion, angles)
 
 
-def _write_attitude(path, time_s, quaternion, angles):
-    """The attitude as CSV: nine digits of a quaternion, six decimals of a degree."""
-    with path.open("w", newline="") as file:
+def _outputs(recording, system, result, truth, directory, title, summary):
+    """All outputs of a core beside those of its kernel in float64: CSV and picture."""
+    turns = {port: "degrees" in meaning for port, meaning in system.port_meanings.items()}
+    differences = {port: np.abs(angle_difference(result[port], truth[port]) if turns[port]
+                                else result[port] - truth[port]) for port in system.output_ports}
+    summary["against_float64_kernel"] = {
+        port: {"max": float(difference.max()), "rms": rms(difference)} for port, difference in differences.items()}
+    _write_csv(directory / "outputs.csv", recording.time_s,
+               {port.removeprefix("out_"): (result[port], 9) for port in system.output_ports})
+    outputs_picture(
+        directory / "outputs.png", title=title, time_s=recording.time_s,
+        hardware={port: result[port] for port in system.output_ports}, reference_model=truth,
+        meanings=system.port_meanings)
+    return Replay(system.read(result), summary)
+
+
+def _write_csv(path, time_s, columns):
+    """Write a CSV file: t in seconds, then each column of ``columns``, name to (numbers, decimals)."""
+    with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("t", "q0", "q1", "q2", "q3", "pitch", "roll", "yaw"))
-        for t, q, (roll, pitch, yaw) in zip(time_s.tolist(), quaternion.tolist(), angles.tolist(), strict=True):
-            writer.writerow((f"{t:.6f}", *(f"{x:.9f}" for x in q), *(f"{x:.6f}" for x in (pitch, roll, yaw))))
+        writer.writerow(("t", *columns))
+        texts = [[f"{value:.{decimals}f}" for value in values.tolist()] for values, decimals in columns.values()]
+        writer.writerows(zip((f"{t:.6f}" for t in time_s.tolist()), *texts, strict=True))

@@ -126,6 +126,13 @@ class System:
         return {port: self.meanings.get(name, "") for group in (self.inputs, self.outputs)
                 for name, tree in group.items() for port in leaves(tree)}
 
+    @property
+    def _own_modules(self):
+        """Names of the modules outside this package that define the equations."""
+        package = __name__.partition(".")[0]
+        modules = {function.__module__ for function in (self.equations, *self.kernels)}
+        return {module for module in modules if module.partition(".")[0] != package}
+
     def bind(self, **values):
         """Numbers for all input ports, from arrays with the nesting of the kernel's arguments.
 
@@ -198,7 +205,7 @@ class System:
 
     def trace(self, pool):
         """The graph of the equations, in the operations and the format of a pool."""
-        xp = Tracer(pool, self.sections)
+        xp = Tracer(pool, self.sections, modules=self._own_modules)
         update = self.equations(
             xp,
             **{name: shaped(ports, lambda port: xp.source("input", port)) for name, ports in self.inputs.items()},
@@ -300,6 +307,37 @@ class System:
             result[port] = np.take_along_axis(shown, row, axis=0)
         result |= {name: result[name] & ~refused for name in self.status}
         return result, {name: result[name][-1] for name in held}
+
+    def run_float64(self, inputs, state=None):
+        """Updates of the equations in float64, in order: what ``run`` gives, without the circuit's rounding.
+
+        Parameters
+        ----------
+        inputs : dict
+            Input port to numbers of shape (N,), as from ``bind``.
+        state : dict, optional
+            State before the first sample; that of the reset by default.
+
+        Returns
+        -------
+        dict
+            Output port and state word to float64 arrays of shape (N,), status name to bools. An update with a
+            number that is not finite leaves outputs and state as they were, as ``run`` does for a system with a
+            status port; before the first other update such an output is zero.
+        """
+        ports = np.broadcast_arrays(*(np.asarray(inputs[port], float) for port in self.input_ports))
+        held = dict.fromkeys(self.output_ports, np.float64(0)) | {
+            word: np.float64(value) for word, value in (self.reset | (state or {})).items()}
+        rows = []
+        with np.errstate(all="ignore"):
+            for sample in zip(*ports, strict=True):
+                update = self.update_float64(dict(zip(self.input_ports, sample, strict=True)), held)
+                numbers = [*sample, *(update[name] for name in held)]
+                if self.status_port and not np.isfinite(numbers).all():
+                    update |= held | dict.fromkeys(self.status, np.False_)
+                held = {name: update[name] for name in held}
+                rows.append(update)
+        return {name: np.array([row[name] for row in rows]) for name in (*held, *self.status)}
 
     def _predicted(self, dtype, inputs, state):
         """State before each of the updates of a block, nearly always that of the twin.

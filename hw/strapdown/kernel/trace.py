@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ from .value import Namespace, Value
 __all__ = ["Node", "Operand", "Graph", "Origin", "Tracer"]
 
 EQUATIONS = "strapdown.algorithms."
-"""Modules whose lines count as the origin of an operation."""
+"""Beginning of the names of this package's modules whose lines count as the origin of an operation."""
 
 
 class Origin(NamedTuple):
@@ -148,11 +149,14 @@ class Tracer(Namespace):
         Supplies the number format and the available operations.
     sections : tuple of str
         Stages the kernel may name; what it computes outside of them belongs to the first.
+    modules : set of str
+        Names of modules outside this package whose lines count as the origin of an operation too.
     """
 
-    def __init__(self, pool, sections):
+    def __init__(self, pool, sections, modules=frozenset()):
         super().__init__(pool)
         self._sections = sections
+        self._modules = frozenset(modules)
         self._section = sections[0]
         self._nodes: dict[tuple, Node] = {}
         self._words: dict[Node, str] = {}
@@ -232,15 +236,15 @@ class Tracer(Namespace):
     def _node(self, operation, operands=(), label="", value=0.0):
         key = (operation, operands, label)
         if key not in self._nodes:
-            self._nodes[key] = Node(operation, operands, label, value, self._section, tuple(_origin()))
+            self._nodes[key] = Node(operation, operands, label, value, self._section, tuple(_origin(self._modules)))
         return self._nodes[key]
 
     def _symbol(self, operand):
         return Symbol(self, operand)
 
 
-def _origin() -> Iterator[Origin]:
-    """The kernel lines on the call stack, outermost first."""
+def _origin(modules) -> Iterator[Origin]:
+    """The kernel lines on the call stack, outermost first; those of ``modules`` and of the package's equations."""
     chain = []
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
@@ -248,6 +252,9 @@ def _origin() -> Iterator[Origin]:
         if module.startswith(EQUATIONS):
             file = module.removeprefix("strapdown.").replace(".", "/") + ".py"
             chain.append(Origin(file, frame.f_lineno, frame.f_code.co_name))
+        elif module in modules:
+            # A file of the user's own: its name, but not where it lies on this machine.
+            chain.append(Origin(Path(frame.f_code.co_filename).name, frame.f_lineno, frame.f_code.co_name))
         frame = frame.f_back
     # A generator expression inside a kernel function is a frame of its own: keep the function's.
     named = [origin for origin in chain if not origin.function.startswith("<")]
