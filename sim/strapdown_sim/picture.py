@@ -111,7 +111,7 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
     axes.set_xlim(time_s[0], time_s[-1])
     figure.align_ylabels()
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-    figure.legend(handles, ["hardware", "kernel in float64"], loc="outside upper right", ncols=2, frameon=False,
+    figure.legend(handles, ["hardware", "kernel in float64"], loc="outside lower right", ncols=2, frameon=False,
                   fontsize="small")
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
