@@ -58,8 +58,8 @@ def test_generate_writes_verilog_and_json(tmp_path):
     (["generate", "absent.py:CORE"], "strapdown: there is no file absent.py"),
     (["schedule", "INS_atan", "--output", "schedule.gif"], "strapdown: --output takes a .png or .svg file, not "),
     (["explain", "INS_acc", "--cycle", "9999"], "strapdown: INS_acc has cycles 0 to "),
-    (["explain", "INS_acc", "--line", "attitude"], "strapdown: --line takes FILE:LINE, as in --line attitude.py:47, "
-                                                   "not 'attitude'"),
+    (["explain", "INS_acc", "--line", "attitude"], "strapdown: --line takes FILE:LINE or FILE:FUNCTION, as in "
+                                                   "--line attitude.py:47, not 'attitude'"),
     (["explain", "INS_acc", "--line", "attitude.py:1"], "strapdown: no operation of INS_acc comes from attitude.py:1"),
 ])
 def test_user_errors_are_one_line_and_status_2(arguments, message):

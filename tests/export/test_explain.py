@@ -33,6 +33,11 @@ def test_a_cycle_shows_the_bits_of_its_word():
     assert int(first.split()[-1], 16) == PROGRAM.layout.const(PROGRAM.words[3]).as_bits()
 
 
+def test_a_kernel_function_leads_to_its_operations():
+    found = list(explain_line(PROGRAM, "attitude.py", "matrix_from_quaternion"))
+    assert len(found) == PROGRAM.schedule.graph.count()["add"] + PROGRAM.schedule.graph.count()["multiply"]
+
+
 def test_a_kernel_line_leads_to_its_operations():
     line = line_of(attitude.matrix_from_quaternion, "d0, d1, d2, d3 = add(q, q)")
     found = list(explain_line(PROGRAM, "attitude.py", line))

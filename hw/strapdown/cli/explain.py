@@ -49,7 +49,8 @@ def schedule(target, config_name, changes, module, output):
 @click.argument("target", metavar=TARGET)
 @config_options
 @click.option("--cycle", type=click.IntRange(min=0), help="Show this cycle only, with the whole chain of kernel lines.")
-@click.option("--line", "place", metavar="FILE:LINE", help="Show what a kernel line became, as in attitude.py:47.")
+@click.option("--line", "place", metavar="FILE:LINE|FILE:FUNCTION",
+              help="Show what a kernel line or function became, as in attitude.py:47.")
 def explain(target, config_name, changes, cycle, place):
     """Lead from a ROM line of a module back to the line of the kernel, or the other way.
 
@@ -63,9 +64,9 @@ def explain(target, config_name, changes, cycle, place):
         lines = explanations.program_listing(program) if cycle is None else \
             explanations.explain_cycle(program, cycle)
     else:
-        if not (match := re.fullmatch(r"(?:.*/)?(\w+\.py):(\d+)", place)):
-            raise UserError(f"--line takes FILE:LINE, as in --line attitude.py:47, not {place!r}")
-        lines = list(explanations.explain_line(program, match[1], int(match[2])))
+        if not (match := re.fullmatch(r"(?:.*/)?(\w+\.py):(?:(\d+)|(\w+))", place)):
+            raise UserError(f"--line takes FILE:LINE or FILE:FUNCTION, as in --line attitude.py:47, not {place!r}")
+        lines = list(explanations.explain_line(program, match[1], int(match[2]) if match[2] else match[3]))
         if not lines:
             raise UserError(f"no operation of {module} comes from {place}")
     for line in lines:

@@ -37,10 +37,20 @@ def explain_cycle(program, cycle):
                 yield f"    {origin}"
 
 
-def explain_line(program, file, line):
-    """Lines for every operation that comes from a line of a kernel; cycles count from the start of the update."""
+def explain_line(program, file, place):
+    """Lines for every operation that comes from a part of a kernel; cycles count from the start of the update.
+
+    Parameters
+    ----------
+    program : Program
+    file : str
+        Name of the kernel's file, without folders.
+    place : int or str
+        A line of the file, or the name of a function in it.
+    """
     for step in program.schedule.steps:
-        if any(origin.file.endswith(f"/{file}") and origin.line == line for origin in step.node.origin):
+        if any(f"/{origin.file}".endswith(f"/{file}") and place in (origin.line, origin.function)
+               for origin in step.node.origin):
             place = program.place(step.node) if step.stored else "its reader"
             yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {place}"
 
