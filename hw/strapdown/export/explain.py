@@ -51,8 +51,8 @@ def explain_line(program, file, place):
     for step in program.schedule.steps:
         if any(f"/{origin.file}".endswith(f"/{file}") and place in (origin.line, origin.function)
                for origin in step.node.origin):
-            place = program.place(step.node) if step.stored else "its reader"
-            yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {place}"
+            target = program.place(step.node) if step.stored else "its reader"
+            yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {target}"
 
 
 def kernel_line(node):
