@@ -1,0 +1,191 @@
+"""Kernels as C: the software twin of a system for long runs, where each update needs the one before it."""
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from .trace import Node
+
+__all__ = ["NativeError", "NativeTwin"]
+
+C_TYPES = {32: ("float", "uint32_t"), 64: ("double", "uint64_t")}
+
+# Where subnormals are flushed, a product that is the least normal number may be the rounded form of something below
+# it, which is flushed too. Sums have no such case: near the least normal number they are exact. Nor have quotients:
+# one that is less than a power of two is so by more than half a unit of the significands.
+OPERATORS = """\
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+typedef {real} real;
+typedef {word} word;
+
+static inline word bits_of(real x) {{ word w; memcpy(&w, &x, sizeof w); return w; }}
+static inline real from_bits(word w) {{ real x; memcpy(&x, &w, sizeof x); return x; }}
+static const word SIGN = (word)1 << (8 * sizeof(word) - 1);
+
+static inline real least(void) {{ return from_bits({least_normal}u); }}
+static inline int is_negative(real x) {{ return bits_of(x) >> (8 * sizeof(word) - 1); }}
+static inline real negate(real x) {{ return from_bits(bits_of(x) ^ SIGN); }}
+static inline real zero_of(real x) {{ return from_bits(bits_of(x) & SIGN); }}
+
+static inline real operand(real x) {{ return {flush} && fabs(x) < least() ? zero_of(x) : x; }}
+static inline real result(real x) {{ return x != x ? from_bits({nan}u) : operand(x); }}
+
+static inline real add(real a, real b) {{ return result(operand(a) + operand(b)); }}
+
+static real multiply(real a, real b)
+{{
+  a = operand(a), b = operand(b);
+  const real product = result(a * b);
+  if ({flush} && fabs(product) == least()) {{
+    /* The smaller factor is scaled, so that the difference from the least normal number is exact enough. */
+    const real x = fabs(a) < fabs(b) ? fabs(a) : fabs(b), y = fabs(a) < fabs(b) ? fabs(b) : fabs(a);
+    const real scale = ldexp(1, {scale});
+    if ({fma}(x * scale, y, -least() * scale) < 0)
+      return zero_of(product);
+  }}
+  return product;
+}}
+
+static inline real divide(real a, real b) {{ return result(operand(a) / operand(b)); }}
+static inline real square_root(real a) {{ return result({sqrt}(operand(a))); }}
+"""
+
+CALLS = {"add": "add({})", "multiply": "multiply({})", "divide": "divide({})", "sqrt": "square_root({})", "copy": "{}"}
+"""Operation of a graph to the C expression of its operands; ``select`` has its own."""
+
+SUPPORTED = sorted([*CALLS, "select"])
+
+
+class NativeError(RuntimeError):
+    """A system that has no form in C, or a C compiler that is missing or fails; one line."""
+
+
+def _operand(names, operand):
+    name = names[operand.node]
+    return f"negate({name})" if operand.negated else name
+
+
+def _expression(names, node):
+    if node.operation == "select":
+        a, b = (_operand(names, operand) for operand in node.arguments)
+        return f"is_negative({_operand(names, node.condition)}) ? {a} : {b}"
+    return CALLS[node.operation].format(", ".join(_operand(names, operand) for operand in node.operands))
+
+
+def _program(graph, fmt, refuses):
+    """C code of ``run(count, inputs, state, outputs)``: an update a row, in the order of the graph's names."""
+    real, word = C_TYPES[fmt.width]
+    short = fmt.width == 32
+    head = OPERATORS.format(
+        real=real, word=word, least_normal=hex(fmt.least_normal), nan=hex(fmt.nan), flush=int(not fmt.gradual),
+        scale=100 if short else 600, fma="fmaf" if short else "fma", sqrt="sqrtf" if short else "sqrt")
+    if short:
+        head = head.replace("fabs(", "fabsf(").replace("ldexp(", "ldexpf(")
+    names: dict[Node, str] = {}
+    state, lines = list(graph.state), []
+    for node in graph.nodes:
+        names[node] = f"v{len(names)}"
+        if node.operation == "input":
+            value = f"in[{graph.inputs.index(node.label)}]"
+        elif node.operation == "state":
+            value = f"state[{state.index(node.label)}]"
+        elif node.operation == "constant":
+            value = f"from_bits({hex(int(fmt.to_bits(node.value)))}u)"
+        else:
+            value = _expression(names, node)
+        lines.append(f"const real {names[node]} = {value};")
+    numbers = [names[node] for node in graph.nodes if node.computed and node.operation not in ("select", "copy")]
+    checked = [*(f"in[{index}]" for index in range(len(graph.inputs))), *numbers]
+    refused = " || ".join(f"!isfinite({name})" for name in checked) if refuses else "0"
+    written = [*(names[node] for node in graph.outputs.values()),
+               *(f"is_negative({_operand(names, operand)})" for operand in graph.status.values()), "refused"]
+    lines += [f"const int refused = {refused};", *(f"out[{index}] = {value};" for index, value in enumerate(written))]
+    if state:
+        lines += ["if (!refused) {", *(f"  state[{state.index(word)}] = {names[node]};"
+                                       for word, node in graph.next_state.items()), "}"]
+    lines += [f"out[{len(written) + index}] = state[{index}];" for index in range(len(state))]
+    body = "\n    ".join(lines)
+    return f"""{head}
+void run(long count, const real *in, real *state, real *out)
+{{
+  for (long k = 0; k < count; ++k, in += {len(graph.inputs)}, out += {len(written) + len(state)}) {{
+    {body}
+  }}
+}}
+"""
+
+
+class NativeTwin:
+    """A system's software twin as compiled C, bit for bit equal to ``System.update_twin`` and to the circuit.
+
+    It computes the graph of the system, one update after another, in about a microsecond each; ``update_twin``, which
+    is made for many independent updates at once, takes milliseconds for a single one.
+
+    Parameters
+    ----------
+    system : System
+    pool : Pool
+        Its units name the operations, its format is binary32 or binary64, with or without subnormals.
+
+    Raises: NativeError if the graph has operations that are not supported (supported are add, copy, divide,
+    multiply, select and sqrt), for another format, and if the C compiler ``cc`` is missing or fails.
+    """
+
+    def __init__(self, system, pool):
+        fmt = pool.format
+        if fmt.width not in C_TYPES or not fmt.is_native:
+            raise NativeError(f"compiled kernels have the format binary32 or binary64, not {fmt.name}")
+        self._graph = system.trace(pool)
+        if unknown := sorted(set(self._graph.count()) - set(SUPPORTED)):
+            raise NativeError(f"compiled kernels have no {', '.join(unknown)}: only {', '.join(SUPPORTED)}")
+        self._format, self._system = fmt, system
+        compiler = shutil.which("cc")
+        if compiler is None:
+            raise NativeError("the C compiler cc is missing (Debian: apt-get install gcc)")
+        with tempfile.TemporaryDirectory() as folder:
+            source, library = Path(folder, "kernel.c"), Path(folder, "kernel.so")
+            source.write_text(_program(self._graph, fmt, bool(system.status_port)), encoding="utf-8")
+            # No fused multiply-add: the circuit rounds the product too.
+            command = [compiler, "-O2", "-ffp-contract=off", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise NativeError(f"cc failed with status {done.returncode}: {done.stderr.strip()[-1000:]}")
+            self._run = ctypes.CDLL(str(library)).run
+
+    def run(self, inputs, state=None):
+        """Updates one after another, each from the state that the one before it has left.
+
+        Parameters
+        ----------
+        inputs : dict
+            Input port to numbers, shape (N,), rounded to the format.
+        state : dict or None
+            State word to its first value, a number; None means the values after reset.
+
+        Returns
+        -------
+        dict
+            As ``System.update_twin``, with a row for each update: output ports, state words after the update,
+            status names and, for a system with a status port, ``refused``. A refused update leaves the state as it
+            is; its outputs mean nothing.
+        """
+        graph, fmt = self._graph, self._format
+        columns = [np.broadcast_to(fmt.from_bits(fmt.to_bits(inputs[port])), np.shape(inputs[graph.inputs[0]]))
+                   for port in graph.inputs]
+        rows = np.ascontiguousarray(np.stack(columns, axis=-1))
+        first = graph.state if state is None else state
+        words = np.array([fmt.from_bits(fmt.to_bits(first[word])) for word in graph.state], dtype=fmt.dtype)
+        names = [*graph.outputs, *graph.status, "refused", *graph.state]
+        answer = np.empty((len(rows), len(names)), fmt.dtype)
+        self._run(ctypes.c_long(len(rows)), *(ctypes.c_void_p(array.ctypes.data) for array in (rows, words, answer)))
+        result = dict(zip(names, np.ascontiguousarray(answer.T), strict=True))
+        refused = result.pop("refused") != 0
+        result |= {name: result[name] != 0 for name in graph.status}
+        return result | ({"refused": refused} if self._system.status_port else {})

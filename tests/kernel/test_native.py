@@ -1,0 +1,125 @@
+"""Compiled kernels: every operation, long runs, refused updates, against the twin; and what has no form in C."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from strapdown.config import QUATERNION_J3, SINS, THESIS, THESIS_COMPACT
+from strapdown.cores import main_module, quat_direct, system_of
+from strapdown.fp import BINARY16, BINARY32, BINARY64
+from strapdown.kernel import native
+from strapdown.kernel.native import NativeError, NativeTwin
+from strapdown.kernel.system import System
+
+
+@dataclass
+class Update:
+    outputs: dict
+    state: dict = field(default_factory=dict)
+    status: dict = field(default_factory=dict)
+
+
+def everything(xp, *, a, b):
+    with xp.section("ALL"):
+        return Update({"r": (a + b, a - b, a * b, a / b, xp.sqrt(a), xp.select(a < b, -a, b), -a)})
+
+
+PORTS = tuple(f"out_{index}" for index in range(7))
+EVERYTHING = System("ALL", "every operation", everything, inputs={"a": "in_a", "b": "in_b"}, outputs={"r": PORTS},
+                    sections=("ALL",), start="in_en", finish="out_finish")
+
+
+def assert_equal(fmt, got, wanted):
+    assert got.keys() == wanted.keys()
+    for name, values in wanted.items():
+        if values.dtype == bool:
+            np.testing.assert_array_equal(got[name], values, err_msg=name)
+        else:
+            np.testing.assert_array_equal(fmt.to_bits(got[name]), fmt.to_bits(values), err_msg=name)
+
+
+@pytest.mark.parametrize("policy", ["gradual", "flush"])
+@pytest.mark.parametrize("plain", [BINARY32, BINARY64], ids=["binary32", "binary64"])
+def test_every_operation_in_every_bit(plain, policy):
+    """Random encodings, all pairs of special ones, and results around the least normal number."""
+    fmt, rng = plain.with_subnormals(policy), np.random.default_rng(1)
+    special = [sign << fmt.width - 1 | value for sign in (0, 1) for value in (
+        0, 1, fmt.least_normal - 1, fmt.least_normal, fmt.least_normal + 1, fmt.bias << fmt.fraction_width,
+        fmt.infinity - 1, fmt.infinity, fmt.infinity + 1, fmt.nan)]
+    pairs = np.array(np.meshgrid(special, special), dtype=np.uint64).reshape(2, -1)
+    wild = rng.integers(0, 1 << fmt.width, (2, 20_000), dtype=np.uint64, endpoint=False) if fmt.width < 64 else \
+        rng.integers(0, (1 << 64) - 1, (2, 20_000), dtype=np.uint64, endpoint=True)
+    # Products and quotients around the least normal number: half of the products are (1 + i u)(1 - i u) times it.
+    fraction = rng.integers(1, 200, (2, 20_000), dtype=np.uint64)
+    fraction[1, ::2] = 2 * fraction[0, ::2]
+    exponent = rng.integers(2, fmt.bias, 20_000, dtype=np.uint64)
+    shift = np.uint64(fmt.fraction_width)
+    larger = (exponent << shift) + fraction[0]
+    product = np.stack([larger, (np.uint64(fmt.bias + 1) - exponent << shift) - fraction[1]])
+    quotient = np.stack([larger, (exponent + np.uint64(fmt.bias - 1) << shift) + fraction[1]])
+    bits = np.concatenate([pairs, wild, product, quotient], axis=1)
+    inputs = {name: fmt.from_bits(row.astype(fmt.bits_dtype)) for name, row in zip(("in_a", "in_b"), bits, strict=True)}
+    pool = replace(THESIS.pool, format=fmt)
+    wanted = EVERYTHING.update_twin(pool, inputs)
+    assert_equal(fmt, NativeTwin(EVERYTHING, pool).run(inputs), wanted)
+    products, quotients = np.split(fmt.to_bits(np.array([wanted["out_2"], wanted["out_3"]]))[:, -40_000:], 2, axis=1)
+    assert (products[0] <= fmt.least_normal).sum() > 5_000
+    assert (quotients[1] == fmt.least_normal).any()
+    if policy == "flush":
+        assert (products[0][::2] == 0).all()
+
+
+@pytest.mark.parametrize("config", [QUATERNION_J3, THESIS_COMPACT], ids=lambda config: config.name)
+def test_long_run_is_the_twins_update_by_update(config):
+    """From reset, with numbers that are not finite among the inputs: each update from the state before it."""
+    system, fmt, rng = system_of(main_module(config), config), config.pool.format, np.random.default_rng(2)
+    inputs = {port: fmt.array(rng.standard_normal(2_000)) for port in system.input_ports}
+    if "in_load_en" in inputs:
+        inputs["in_load_en"] = fmt.array(-(rng.random(2_000) < 0.01).astype(float))
+    inputs[system.input_ports[0]][[5, 700]] = np.nan, np.inf
+    got = NativeTwin(system, config.pool).run(inputs)
+    before = {word: np.concatenate(([fmt.array(reset)], got[word][:-1])) for word, reset in system.reset.items()}
+    wanted = system.update_twin(config.pool, inputs, before)
+    refused = wanted.get("refused", np.zeros(2_000, dtype=bool))
+    np.testing.assert_array_equal(got.get("refused", refused), refused)
+    assert ("refused" not in wanted) or refused.sum() == 2
+    for word in system.reset:
+        wanted[word] = np.where(refused, before[word], wanted[word])
+    accepted = [{name: values[~refused] for name, values in result.items()} for result in (got, wanted)]
+    assert_equal(fmt, *accepted)
+    for word in system.reset:
+        np.testing.assert_array_equal(fmt.to_bits(got[word]), fmt.to_bits(wanted[word]))
+
+
+def test_run_goes_on_from_a_given_state():
+    system, fmt = quat_direct(QUATERNION_J3), QUATERNION_J3.pool.format
+    inputs = {port: fmt.array(np.full(20, 0.1)) for port in system.input_ports} | {"in_load_en": np.zeros(20)}
+    model = NativeTwin(system, QUATERNION_J3.pool)
+    whole = model.run(inputs)
+    half = {port: values[:10] for port, values in inputs.items()}
+    first = model.run(half)
+    second = model.run(half, {word: first[word][-1] for word in system.reset})
+    assert_equal(fmt, {word: np.concatenate((first[word], second[word])) for word in system.reset},
+                 {word: whole[word] for word in system.reset})
+
+
+@pytest.mark.parametrize(("system", "pool", "message"), [
+    (system_of(main_module(SINS), SINS), SINS.pool,
+     r"^compiled kernels have no atan2: only add, copy, divide, multiply, select, sqrt$"),
+    (EVERYTHING, replace(THESIS.pool, format=BINARY16),
+     r"^compiled kernels have the format binary32 or binary64, not binary16$"),
+])
+def test_what_has_no_form_in_c(system, pool, message):
+    with pytest.raises(NativeError, match=message):
+        NativeTwin(system, pool)
+
+
+def test_compiler_that_is_missing_or_fails(monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(native.shutil, "which", lambda name: None)
+        with pytest.raises(NativeError, match=r"^the C compiler cc is missing \(Debian: apt-get install gcc\)$"):
+            NativeTwin(EVERYTHING, THESIS.pool)
+    monkeypatch.setattr(native, "OPERATORS", "no C {real}")
+    with pytest.raises(NativeError, match=r"^cc failed with status 1: .*error"):
+        NativeTwin(EVERYTHING, THESIS.pool)
