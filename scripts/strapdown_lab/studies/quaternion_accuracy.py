@@ -34,7 +34,7 @@ def run(config, rates):
     system, fmt = quat_direct(config), config.pool.format
     inputs = dict(zip(RATES, fmt.array(rates).T, strict=True)) | dict.fromkeys(
         ("in_load_en", "in_e0", "in_e1", "in_e2", "in_e3"), fmt.array(np.zeros(len(rates))))
-    result = NativeTwin(system, config.pool).run(inputs)
+    result, _ = NativeTwin(system, config.pool).run(inputs)
     after = {word: result[word] for word in WORDS}
     before = {word: np.concatenate(([fmt.array(system.reset[word])], after[word][:-1])) for word in WORDS}
     checked_twin(system, config.pool, inputs, before, after)
