@@ -20,7 +20,7 @@ from strapdown.fp import BINARY16, Subnormals
 from strapdown.kernel.engine import Engine
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System
-from strapdown.link import LAYOUT, NAVIGATION, FrameSender, UartTransmitter, frame_size
+from strapdown.link import LAYOUT, NAVIGATION, FrameSampler, FrameSender, UartTransmitter, frame_size
 from strapdown_sim.drivers.verilated import Interface
 
 from .support import crc16, frame, received, verilated
@@ -55,27 +55,39 @@ def linked(pool, **changes):
 
 
 class Lines(wiring.Component):
-    """Two transmitters and a sender, in one model because that takes a third of the time to compile."""
+    """Transmitters and senders, in one model because that takes a third of the time to compile.
+
+    One sender takes what a sampler gives it (sample, status, payload), one a stream (valid, status, payload).
+    """
 
     def __init__(self):
-        self.uart4, self.uart7 = (UartTransmitter(clock_hz=divisor * BAUD, baud_rate=BAUD) for divisor in (4, 7))
-        self.sender = FrameSender(0xA7, 3, clock_hz=DIVISOR * BAUD, baud_rate=BAUD)
         super().__init__({**{name: In(width) for name, width in (
             ("data", 8), ("valid", 1), ("send", 1), ("status", 8), ("payload", 24))},
             **{f"{name}_{port}": Out(1) for name, ports in LINE_OUTPUTS.items() for port in ports}})
 
     def elaborate(self, platform):
         m = Module()
-        for name, ports in LINE_OUTPUTS.items():
-            m.submodules[name] = part = getattr(self, name)
-            m.d.comb += [getattr(self, f"{name}_{port}").eq(getattr(part, port)) for port in ports]
-        for uart in self.uart4, self.uart7:
-            m.d.comb += [uart.data.eq(self.data), uart.valid.eq(self.valid)]
-        m.d.comb += [getattr(self.sender, port).eq(getattr(self, port)) for port in ("send", "status", "payload")]
+        for divisor in 4, 7:
+            m.submodules[f"uart{divisor}"] = uart = UartTransmitter(clock_hz=divisor * BAUD, baud_rate=BAUD)
+            m.d.comb += [uart.data.payload.eq(self.data), uart.data.valid.eq(self.valid),
+                         getattr(self, f"uart{divisor}_ready").eq(uart.data.ready),
+                         getattr(self, f"uart{divisor}_tx").eq(uart.tx)]
+        m.submodules.sampler = sampler = FrameSampler(3)
+        m.submodules.sender, m.submodules.streamed = sender, streamed = [
+            FrameSender(0xA7, 3, clock_hz=DIVISOR * BAUD, baud_rate=BAUD) for _ in range(2)]
+        wiring.connect(m, sampler.frames, sender.frames)
+        m.d.comb += [
+            sampler.sample.eq(self.send), sampler.status.eq(self.status), sampler.payload.eq(self.payload),
+            self.sender_tx.eq(sender.tx), self.sender_busy.eq(~sender.frames.ready),
+            self.sender_overrun.eq(sampler.overrun),
+            streamed.frames.valid.eq(self.send), streamed.frames.p.status.eq(self.status),
+            streamed.frames.p.payload.eq(self.payload), streamed.frames.p.counter.eq(self.payload[4:20]),
+            self.streamed_tx.eq(streamed.tx), self.streamed_ready.eq(streamed.frames.ready)]
         return m
 
 
-LINE_OUTPUTS = {"uart4": ("ready", "tx"), "uart7": ("ready", "tx"), "sender": ("busy", "overrun", "tx")}
+LINE_OUTPUTS = {"uart4": ("ready", "tx"), "uart7": ("ready", "tx"), "sender": ("busy", "overrun", "tx"),
+                "streamed": ("ready", "tx")}
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +160,17 @@ def test_takes_rates_within_two_percent():
         assert UartTransmitter(clock_hz=clock_hz, baud_rate=baud_rate).divisor == divisor
 
 
+@pytest.mark.parametrize(("kind", "size", "message"), [
+    (256, 3, "type of a frame must be 0 to 255, not 256"),
+    (-1, 3, "type of a frame must be 0 to 255, not -1"),
+    (1, 0, "payload must have 1 to 255 bytes, not 0"),
+    (1, 256, "payload must have 1 to 255 bytes, not 256"),
+])
+def test_refuses_frames(kind, size, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        FrameSender(kind, size, clock_hz=1e8, baud_rate=BAUD)
+
+
 def short_frame(counter, status, payload):
     """As ``frame``, of the sender under test."""
     body = bytes((3, 0xA7, counter & 0xFF, counter >> 8, status)) + payload.to_bytes(3, "little")
@@ -186,6 +209,27 @@ def test_sends_when_and_only_when_free(lines):
     assert received(answer["tx"], DIVISOR) == (wanted, starts)
     np.testing.assert_array_equal(answer["busy"], busy)
     np.testing.assert_array_equal(answer["overrun"], overruns)
+
+
+@pytest.mark.verilator
+def test_frames_without_a_gap(lines):
+    # A frame is offered until it is taken; the next one at once, or after a pause.
+    rng = np.random.default_rng(4)
+    interval = frame_size(3) * 10 * DIVISOR + 1
+    pauses = np.array([0, 0, 1, 50, 0])
+    taken = 3 + np.cumsum(np.r_[0, interval + pauses])
+    offered = np.r_[taken[0], np.where(pauses, taken[1:], taken[:-1] + 1)]
+    valid, status, payload = (np.zeros(taken[-1] + interval + 2, dtype=int) for _ in range(3))
+    wanted = b""
+    for first, last in zip(offered, taken, strict=True):
+        word, number = int(rng.integers(256)), int(rng.integers(1 << 24))
+        valid[first:last + 1], status[first:last + 1], payload[first:last + 1] = 1, word, number
+        wanted += short_frame(number >> 4 & 0xFFFF, word, number)
+    answer = lines("streamed", send=valid, status=status, payload=payload)
+    np.testing.assert_array_equal(np.flatnonzero(valid & answer["ready"].astype(int)), taken)
+    got, starts = received(answer["tx"], DIVISOR)
+    assert got == wanted
+    assert starts[::frame_size(3)] == (taken + 2).tolist()
 
 
 @pytest.mark.verilator

@@ -1,10 +1,11 @@
 """A core that sends what it finds over a serial line, as SINS_uart does."""
 
 from amaranth import *
+from amaranth.lib import wiring
 from amaranth.lib.wiring import Out
 
 from strapdown.kernel.description import Port, Section
-from strapdown.link import FRAME_TYPES, LAYOUT, FrameSender
+from strapdown.link import FRAME_TYPES, LAYOUT, FrameSampler, FrameSender
 
 from .catalogue import main_module, make_core, system_of
 from .top import Top, Wrapper
@@ -13,7 +14,7 @@ __all__ = ["UartLink", "uart_core"]
 
 
 class UartLink(Wrapper):
-    """An engine, and a FrameSender that sends a frame of its outputs after each update.
+    """An engine, and a sender of a frame of its outputs after each update.
 
     The frame is the first of ``FRAME_TYPES`` of which the engine has a port ``out_NAME`` for each quantity.
 
@@ -31,8 +32,10 @@ class UartLink(Wrapper):
     The engine's, and:
     uart_tx : Out(1)
         The serial line.
-    out_link_busy, out_link_overrun : Out(1)
-        As ``busy`` and ``overrun`` of FrameSender.
+    out_link_busy : Out(1)
+        High while a frame is sent.
+    out_link_overrun : Out(1)
+        The last update was not sent, because a frame was.
 
     Latency: the engine's; the first start bit begins two cycles after the finish has risen.
     Raises: ValueError if no frame holds the engine's outputs, or in another format; if the frame takes
@@ -45,6 +48,7 @@ class UartLink(Wrapper):
         payload_size = len(kind.quantities) * format.width // 8
         if payload_size not in kind.payload_sizes:
             raise ValueError(f"a frame holds binary32 or binary64, not {format.name}")
+        self._sampler = FrameSampler(payload_size)
         self._sender = FrameSender(kind.number, payload_size, clock_hz=clock_hz, baud_rate=baud_rate)
         if self._sender.interval > clock_hz / sample_rate_hz:
             raise ValueError(
@@ -91,14 +95,17 @@ class UartLink(Wrapper):
     def elaborate(self, platform):
         m = super().elaborate(platform)
         engine, system = self.engine, self.system
+        m.submodules.sampler = sampler = self._sampler
         m.submodules.sender = sender = self._sender
         finish, before = getattr(engine, system.finish), Signal()
         m.d.sync += before.eq(finish)
         m.d.comb += [
-            sender.send.eq(finish & ~before),
-            sender.status.eq(getattr(engine, system.status_port)),
-            sender.payload.eq(Cat(getattr(engine, f"out_{quantity.name}") for quantity in self._frame_type.quantities)),
-            self.uart_tx.eq(sender.tx), self.out_link_busy.eq(sender.busy), self.out_link_overrun.eq(sender.overrun)]
+            sampler.sample.eq(finish & ~before), sampler.status.eq(getattr(engine, system.status_port)),
+            sampler.payload.eq(Cat(getattr(engine, f"out_{quantity.name}")
+                                   for quantity in self._frame_type.quantities)),
+            self.uart_tx.eq(sender.tx), self.out_link_busy.eq(~sender.frames.ready),
+            self.out_link_overrun.eq(sampler.overrun)]
+        wiring.connect(m, sampler.frames, sender.frames)
         return m
 
 

@@ -1,6 +1,7 @@
-"""Frames from payloads, onto a serial line."""
+"""Frames: taken from what a core shows, and sent over a serial line."""
 
 from amaranth import *
+from amaranth.lib import data, stream
 from amaranth.lib.crc.catalog import CRC16_IBM_3740
 from amaranth.lib.wiring import In, Out
 
@@ -9,11 +10,68 @@ from strapdown.component import Described
 from .frame import LAYOUT, MAX_PAYLOAD, SYNC, crc, frame_size, place
 from .uart import BITS_PER_BYTE, UartTransmitter
 
-__all__ = ["FrameSender"]
+__all__ = ["FrameSampler", "FrameSender", "frame_layout"]
+
+
+def frame_layout(payload_size):
+    """What differs from frame to frame, as a StructLayout: counter, status, and payload of so many bytes.
+
+    Raises: ValueError for a size that a frame cannot have.
+    """
+    if not 1 <= payload_size <= MAX_PAYLOAD:
+        raise ValueError(f"payload must have 1 to {MAX_PAYLOAD} bytes, not {payload_size}")
+    return data.StructLayout({"counter": 8 * _width("counter"), "status": 8 * _width("status"),
+                              "payload": 8 * payload_size})
+
+
+def _width(name):
+    """Bytes of a field of fixed size."""
+    part = place(name)
+    return part.stop - part.start
+
+
+class FrameSampler(Described):
+    """Numbers what it is told to sample, and hands on what the receiver can take at once.
+
+    Parameters
+    ----------
+    payload_size : int
+        Bytes of the payload, 1 to 255.
+
+    Members
+    -------
+    sample : In(1)
+        Status and payload are sampled in every cycle with this high.
+    status, payload : In(8), In(8 * payload_size)
+        What is sampled, least significant byte first.
+    frames : Out(stream of frame_layout(payload_size))
+        The samples, in the cycle in which they come. A sample that comes while the stream is not ready is lost:
+        ``valid`` is high only together with ``ready``, so ``ready`` must not wait for it.
+    overrun : Out(1)
+        The last sample was lost.
+
+    ``counter`` counts all samples since reset, also the lost ones: the receiver sees a gap where one was.
+    Latency: none, but a cycle for ``overrun``.
+    Raises: ValueError for a size out of range.
+    """
+
+    def __init__(self, payload_size):
+        super().__init__({"sample": In(1), "status": In(8), "payload": In(8 * payload_size),
+                          "frames": Out(stream.Signature(frame_layout(payload_size))), "overrun": Out(1)})
+
+    def elaborate(self, platform):
+        m = Module()
+        frames = self.frames
+        counter = Signal(8 * _width("counter"))
+        m.d.comb += [frames.p.counter.eq(counter), frames.p.status.eq(self.status), frames.p.payload.eq(self.payload),
+                     frames.valid.eq(self.sample & frames.ready)]
+        with m.If(self.sample):
+            m.d.sync += [counter.eq(counter + 1), self.overrun.eq(~frames.ready)]
+        return m
 
 
 class FrameSender(Described):
-    """Sends its payload as one frame of ``LAYOUT`` when it is told to.
+    """Sends frames of ``LAYOUT`` over a serial line.
 
     Parameters
     ----------
@@ -26,31 +84,22 @@ class FrameSender(Described):
 
     Members
     -------
-    send : In(1)
-        Takes status and payload, if ``busy`` is low; the frame then is of these, whatever they do later.
-    status, payload : In(8), In(8 * payload_size)
-        What is sent, least significant byte first.
-    busy : Out(1)
-        High from the cycle after a send that was taken until the next can be.
-    overrun : Out(1)
-        A send came while busy and was ignored; cleared by the next that is taken.
+    frames : In(stream of frame_layout(payload_size))
+        What is sent, least significant byte first. ``ready`` is a function of registers.
     tx : Out(1)
         The serial line.
 
-    ``counter`` counts every send, the ignored ones too: the receiver sees a gap where one was.
-    Latency: the first start bit begins two cycles after the send; a send is taken every ``interval`` cycles.
+    Latency: the first start bit begins two cycles after the frame was taken; one is taken every ``interval`` cycles.
     Raises: ValueError for a kind or size out of range, and as ``UartTransmitter``.
     """
 
     def __init__(self, kind, payload_size, *, clock_hz, baud_rate):
         if not 0 <= kind <= 255:
             raise ValueError(f"type of a frame must be 0 to 255, not {kind}")
-        if not 1 <= payload_size <= MAX_PAYLOAD:
-            raise ValueError(f"payload must have 1 to {MAX_PAYLOAD} bytes, not {payload_size}")
+        layout = frame_layout(payload_size)
         self._kind, self._payload_size = kind, payload_size
         self._uart = UartTransmitter(clock_hz=clock_hz, baud_rate=baud_rate)
-        super().__init__({"send": In(1), "status": In(8), "payload": In(8 * payload_size),
-                          "busy": Out(1), "overrun": Out(1), "tx": Out(1, init=1)})
+        super().__init__({"frames": In(stream.Signature(layout)), "tx": Out(1, init=1)})
 
     @property
     def size(self):
@@ -64,11 +113,11 @@ class FrameSender(Described):
 
     @property
     def interval(self):
-        """Cycles from one send to the first that can follow."""
+        """Cycles from one frame to the next, if the line is never idle."""
         return self.size * BITS_PER_BYTE * self.divisor + 1
 
     def compute(self, counter, status, payload):
-        """Software twin: the bytes of a frame, from the number of the send since reset, the status and the payload.
+        """Software twin: the bytes of a frame, from counter, status and payload.
 
         Raises: ValueError if the payload has another size.
         """
@@ -80,37 +129,27 @@ class FrameSender(Described):
     def elaborate(self, platform):
         m = Module()
         m.submodules.uart = uart = self._uart
-        m.submodules.crc = check = CRC16_IBM_3740(data_width=8).create()
+        m.submodules.check = check = CRC16_IBM_3740(data_width=8).create()
 
-        counter = Signal(8 * _width("counter"))
+        frames = self.frames
         values = {"sync": C(int.from_bytes(SYNC, "little"), 8 * len(SYNC)),
                   "length": C(self._payload_size, 8), "type": C(self._kind, 8),
-                  "counter": counter, "status": self.status, "payload": self.payload}
+                  "counter": frames.p.counter, "status": frames.p.status, "payload": frames.p.payload}
         frame = Cat(values[field.name] for field in LAYOUT if field.name != "crc")
         assert len(frame) == 8 * (self.size - _width("crc"))
 
         # Bytes that the line has not taken yet, the next one lowest; the CRC comes after them.
         waiting = Signal(len(frame), reset_less=True)
         left = Signal(range(self.size + 1))
-        take = Signal()
-        m.d.comb += [take.eq(self.send & ~self.busy), self.busy.eq((left != 0) | ~uart.ready), self.tx.eq(uart.tx),
-                     uart.valid.eq(left != 0),
-                     uart.data.eq(Mux(left > 2, waiting[:8], Mux(left == 2, check.crc[8:], check.crc[:8])))]
+        taken, sent = Signal(), Signal()
+        m.d.comb += [frames.ready.eq((left == 0) & uart.data.ready), taken.eq(frames.valid & frames.ready),
+                     uart.data.valid.eq(left != 0), sent.eq(uart.data.valid & uart.data.ready), self.tx.eq(uart.tx),
+                     uart.data.payload.eq(Mux(left > 2, waiting[:8], Mux(left == 2, check.crc[8:], check.crc[:8])))]
         in_crc = (left <= self.size - _width("sync")) & (left > _width("crc"))
-        m.d.comb += [check.start.eq(take), check.data.eq(uart.data), check.valid.eq(uart.valid & uart.ready & in_crc)]
+        m.d.comb += [check.start.eq(taken), check.data.eq(uart.data.payload), check.valid.eq(sent & in_crc)]
 
-        with m.If(uart.valid & uart.ready):
+        with m.If(sent):
             m.d.sync += [left.eq(left - 1), waiting.eq(waiting >> 8)]
-        with m.If(take):
-            m.d.sync += [waiting.eq(frame), left.eq(self.size), self.overrun.eq(0)]
-        with m.Elif(self.send):
-            m.d.sync += self.overrun.eq(1)
-        with m.If(self.send):
-            m.d.sync += counter.eq(counter + 1)
+        with m.If(taken):
+            m.d.sync += [waiting.eq(frame), left.eq(self.size)]
         return m
-
-
-def _width(name):
-    """Bytes of a field of fixed size."""
-    part = place(name)
-    return part.stop - part.start

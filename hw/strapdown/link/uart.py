@@ -1,6 +1,7 @@
 """UART transmitter: 8 data bits, no parity, one stop bit."""
 
 from amaranth import *
+from amaranth.lib import stream
 from amaranth.lib.wiring import In, Out
 
 from strapdown.component import Described
@@ -26,13 +27,13 @@ class UartTransmitter(Described):
 
     Members
     -------
-    data, valid, ready : In(8), In(1), Out(1)
-        A byte is taken at an edge with ``valid`` and ``ready`` high.
+    data : In(stream of 8 bits)
+        Bytes.
     tx : Out(1)
         The line, straight from a register; high while idle.
 
     Latency: the start bit begins in the cycle after the byte was taken. A byte takes ``10 * divisor`` cycles;
-    ``ready`` is high in the last of them, so that bytes follow each other without a gap.
+    ``data.ready`` is high in the last of them, so that bytes follow each other without a gap.
     Raises: ValueError if a bit is shorter than 4 cycles, or the rate is off by more than 2 %.
     """
 
@@ -47,7 +48,7 @@ class UartTransmitter(Described):
         if abs(actual / baud_rate - 1) > LARGEST_ERROR:
             raise ValueError(f"{clock_hz:g} Hz / {self._divisor} is {actual:g} baud, more than "
                              f"{LARGEST_ERROR:.0%} from {baud_rate:g}: choose another clock or baud rate")
-        super().__init__({"data": In(8), "valid": In(1), "ready": Out(1), "tx": Out(1, init=1)})
+        super().__init__({"data": In(stream.Signature(unsigned(8))), "tx": Out(1, init=1)})
 
     @property
     def divisor(self):
@@ -60,13 +61,13 @@ class UartTransmitter(Described):
         left = Signal(range(BITS_PER_BYTE + 1))
         shift = Signal(BITS_PER_BYTE, init=-1)
         bit_ends = timer == 0
-        m.d.comb += [self.tx.eq(shift[0]), self.ready.eq((left == 0) | ((left == 1) & bit_ends))]
+        m.d.comb += [self.tx.eq(shift[0]), self.data.ready.eq((left == 0) | ((left == 1) & bit_ends))]
 
         m.d.sync += timer.eq(Mux(bit_ends, self._divisor - 1, timer - 1))
-        with m.If(self.ready):
+        with m.If(self.data.ready):
             m.d.sync += left.eq(0)
-            with m.If(self.valid):
-                m.d.sync += [shift.eq(Cat(C(0, 1), self.data, C(1, 1))), left.eq(BITS_PER_BYTE),
+            with m.If(self.data.valid):
+                m.d.sync += [shift.eq(Cat(C(0, 1), self.data.payload, C(1, 1))), left.eq(BITS_PER_BYTE),
                              timer.eq(self._divisor - 1)]
         with m.Elif(bit_ends):
             # Ones follow the stop bit: the idle line.

@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 
-from strapdown.cores import operators
+from strapdown.cores import operators, top
 from strapdown.fp import FloatFormat, FpMinMax, FpSquareRoot, FpToFp, Rounding
 from strapdown_lab.proof import formal
 from strapdown_lab.proof.arithmetic import FloatResult
@@ -69,7 +69,7 @@ def test_wrong_rounding_is_found(tmp_path, monkeypatch):
 
 
 def test_register_that_does_not_hold_is_found(tmp_path, monkeypatch):
-    monkeypatch.setattr(operators, "EnableInserter", lambda enable: lambda inner: inner)
+    monkeypatch.setattr(top, "EnableInserter", lambda enable: lambda inner: inner)
     circuit = partial(VendorHold, partial(operators.VendorOperator, "less"))
     assert_refuted(Property("free-running", "", circuit, 1, ("vendor",), VendorHold.UNCHANGED), tmp_path)
 
