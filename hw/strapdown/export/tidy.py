@@ -1,7 +1,7 @@
 """Amaranth's Verilog made readable: plain identifiers, named slices, no wire that nothing reads.
 
-The passes are textual and know only the few forms in which the Verilog backend writes
-declarations and assignments; what does not match is left as it is.
+The passes work on text. They know only the few forms in which the Verilog backend writes
+declarations and assignments, and leave everything else unchanged.
 """
 
 import re
@@ -9,7 +9,7 @@ from collections import Counter
 
 __all__ = ["tidy"]
 
-# Verilog's and SystemVerilog's, because many tools read .v files as either.
+# Those of Verilog and of SystemVerilog, because many tools read .v files as either.
 KEYWORDS = frozenset(re.findall(r"\w+", """
     accept_on alias always always_comb always_ff always_latch and assert assign assume automatic before begin
     bind bins binsof bit break buf bufif0 bufif1 byte case casex casez cell chandle checker class clocking cmos
@@ -38,10 +38,10 @@ PORT = re.compile(r"^  (?:input|output) (?:\[\d+:\d+\] )?(\w+);\n", re.MULTILINE
 
 
 def tidy(text):
-    """The text of the backend, readable.
+    """The text of the backend, made readable.
 
-    ``\\word.start.adder `` becomes word_start_adder and ``\\$12 `` n12; a name that is taken
-    gets a number. Submodules are named after the top and their place in it.
+    ``\\word.start.adder `` becomes word_start_adder, and ``\\$12 `` becomes n12. A name that is in use
+    gets a number. A submodule is named after the top and its place in it.
     """
     text = re.sub(r"^/\*.*?\*/\n+", "", text, flags=re.DOTALL)
     text = re.sub(r"^\s*\(\*(?! r[ao]m_style).*?\*\)\n", "", text, flags=re.MULTILINE)
@@ -57,7 +57,7 @@ def _tidy_module(text, submodules):
 
 
 def _plain_identifiers(text, submodules):
-    """Escaped identifiers as plain ones, and names that are keywords somewhere as others."""
+    """Replace escaped identifiers by plain ones, and keywords of either language by other names."""
     declared = set(re.findall(r"^  (?:wire|reg) (?:signed )?(?:\[\d+:\d+\] )?(?!signed )(\w+)", text, re.MULTILINE))
     for keyword in sorted(declared & KEYWORDS):
         text = re.sub(rf"(?<![\\\w.$])\b{keyword}\b", f"\\\\{keyword} ", text)
@@ -77,13 +77,13 @@ def _plain_identifiers(text, submodules):
             names[escaped] = candidate
         return names[escaped]
 
-    # The space that ends an escaped identifier goes with it, unless it parts two words.
+    # The space that ends an escaped identifier is removed, unless it separates two words.
     text = re.sub(r"\\(\S+) (?=[\w(])", lambda match: plain(match) + " ", text)
     return re.sub(r"\\(\S+) ", plain, text)
 
 
 def _named_slices(text):
-    """Slices of a signal that have a name, by their name."""
+    """Replace slices of signals by their names, where they have one."""
     names: dict[str, str] = {}
     for _, name, value in ASSIGN.findall(text):
         if re.fullmatch(r"\w+\[\d+(:\d+)?\]", value):
@@ -97,12 +97,12 @@ def _named_slices(text):
             lambda part: part[0] if target and target[1] == names.get(part[0]) else names.get(part[0], part[0]),
             expression)
 
-    # Only where values are read: right of an assignment, and in conditions.
+    # Only where values are read: on the right of an assignment, and in conditions.
     return re.sub(r"^( *(?:.*? <?= |(?:else )?if (?=\()|casez (?=\()))(.*)$", named, text, flags=re.MULTILINE)
 
 
 def _without_aliases(text):
-    """Two names for one value are one: a port's, else the one that tells more."""
+    """Keep one of two names for the same value: that of a port, else the more informative one."""
     ports = set(PORT.findall(text))
     while True:
         wires = {name: line for line, name in WIRE.findall(text)}
@@ -120,12 +120,12 @@ def _without_aliases(text):
 
 
 def _telling(name):
-    """How much a name tells: nothing if the backend made it up or numbered it."""
+    """How informative a name is; least if the backend invented or numbered it."""
     return (not re.fullmatch(r"n\d+|_\d+_", name), not re.search(r"_\d+$|__", name), len(name))
 
 
 def _without_unread(text):
-    """A module without the wires that nothing reads."""
+    """Remove the wires that nothing reads."""
     while True:
         uses = Counter(re.findall(r"[A-Za-z_]\w*", text))
         assigned = {name: line for line, name, _ in ASSIGN.findall(text)}

@@ -1,4 +1,4 @@
-"""Frames from bytes: what the receiver of the serial line does."""
+"""The receiver of the serial line, in Python: frames from bytes."""
 
 from dataclasses import dataclass
 
@@ -11,16 +11,16 @@ __all__ = ["Frame", "FrameDecoder"]
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame that arrived whole.
+    """A complete frame.
 
     Attributes
     ----------
     number : int
-        Updates since the first frame that was seen, the counter's overflows undone.
+        Updates since the first frame; the counter's overflows are undone.
     status : int
         Status bits of the core.
     values : ndarray, shape (9,)
-        The quantities of NAVIGATION, float32 or float64 as they were sent.
+        The quantities of NAVIGATION, float32 or float64, as sent.
     """
 
     number: int
@@ -34,13 +34,13 @@ class FrameDecoder:
     Attributes
     ----------
     frames, crc_errors : int
-        Frames that arrived whole, and what looked like one but failed its CRC.
+        Complete frames; bytes that look like a frame, with a wrong CRC.
     lost : int
-        Updates missing between those that arrived, by their counters.
+        Updates missing between the frames, by their counters.
     restarts : int
-        Times that the counter stood still or went back, by up to 32,768: the core was reset.
+        How often the counter stood still or went back, by up to 32,768: the core was reset.
     skipped_bytes : int
-        Bytes that belong to no whole frame.
+        Bytes that belong to no complete frame.
     """
 
     def __init__(self):
@@ -51,11 +51,11 @@ class FrameDecoder:
 
     @property
     def pending_bytes(self):
-        """Bytes that may still become a frame."""
+        """Number of bytes that may still become a frame."""
         return len(self._pending)
 
     def feed(self, data):
-        """Take bytes, as many as there are; returns the Frames that they complete."""
+        """Take any number of bytes; return the Frames that they complete."""
         self._pending += data
         found, start = [], 0
         while (size := self._candidate(start)) is not None:
@@ -63,7 +63,7 @@ class FrameDecoder:
                 found.append(frame)
                 start += size
             else:
-                # Within what was no frame, a frame may begin.
+                # A frame may begin inside these bytes.
                 begin = self._pending.find(SYNC[:1], start + 1)
                 begin = len(self._pending) if begin < 0 else begin
                 self.skipped_bytes += begin - start
@@ -72,7 +72,7 @@ class FrameDecoder:
         return found
 
     def finish(self):
-        """The stream has ended: returns the Frames in what looked like the beginning of a longer one."""
+        """End of the bytes: return the Frames inside what looked like the beginning of a longer frame."""
         found = []
         while self._pending:
             del self._pending[0]
@@ -81,7 +81,7 @@ class FrameDecoder:
         return found
 
     def _candidate(self, start):
-        """Size of the frame that may begin at ``start``; 0 if none does, None if more bytes must tell."""
+        """Size of the frame that may begin at ``start``; 0 if none does, None if more bytes are needed."""
         head = self._pending[start:start + place("type").stop]
         if not head:
             return None
@@ -97,7 +97,7 @@ class FrameDecoder:
         return size if len(self._pending) >= start + size else None
 
     def _decode(self, start, size):
-        """The frame at ``start``, or None if its CRC is wrong."""
+        """The Frame at ``start``, or None if its CRC is wrong."""
         frame = bytes(self._pending[start:start + size])
         length = frame[place("length")][0]
         check = place("crc", length)

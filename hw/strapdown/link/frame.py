@@ -1,4 +1,4 @@
-"""The frame on the serial line: the one description that circuit, decoder and documents use."""
+"""The layout of a frame on the serial line: the only description, for circuit, decoder and documents."""
 
 import binascii
 from dataclasses import dataclass
@@ -9,13 +9,14 @@ __all__ = ["FRAME_TYPES", "LAYOUT", "MAX_PAYLOAD", "NAVIGATION", "SYNC", "Field"
 
 @dataclass(frozen=True)
 class Field:
-    """A part of a frame.
+    """A field of a frame.
 
     Attributes
     ----------
     name : str
     size : int or None
-        Bytes; None is what ``length`` says. All but ``sync`` and ``crc`` send their least significant byte first.
+        Bytes; None: as many as ``length`` says. All but ``sync`` and ``crc`` are sent with the least significant byte
+        first.
     meaning : str
         For documents.
     """
@@ -27,7 +28,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number of a payload: ``name``, as in the port ``out_name``, its ``unit``, and its ``meaning``."""
+    """A number of a payload: its ``name``, as in the port ``out_name``, its ``unit`` and its ``meaning``."""
 
     name: str
     unit: str
@@ -36,7 +37,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class FrameType:
-    """A kind of payload: the number in ``type``, and the quantities, all in one floating-point format."""
+    """A type of frame: the ``number`` in the field ``type``, and the quantities, all in one floating-point format."""
 
     number: int
     meaning: str
@@ -44,7 +45,7 @@ class FrameType:
 
     @property
     def payload_sizes(self):
-        """Bytes of a payload, to bytes a number: binary32 or binary64."""
+        """Bytes of a payload to bytes per number, for binary32 and binary64."""
         return {len(self.quantities) * size: size for size in (4, 8)}
 
 
@@ -60,7 +61,7 @@ LAYOUT = (
     Field("payload", None, "IEEE 754 numbers, binary64 or binary32 as the length tells"),
     Field("crc", 2, "CRC-16/CCITT-FALSE of all between sync and crc, high byte first"),
 )
-"""The fields in the order of the line."""
+"""The fields in the order on the line."""
 
 NAVIGATION = FrameType(1, "position, velocity and attitude", (
     Quantity("latitude", "deg", "latitude, north positive"),
@@ -75,7 +76,7 @@ NAVIGATION = FrameType(1, "position, velocity and attitude", (
 ))
 
 FRAME_TYPES = {kind.number: kind for kind in (NAVIGATION,)}
-"""All kinds of payload, by number."""
+"""All types of frame, by number."""
 
 
 def frame_size(payload_size):
@@ -84,7 +85,7 @@ def frame_size(payload_size):
 
 
 def place(name, payload_size=0):
-    """Where a field lies in a frame: slice of bytes. Those before the payload lie there in every frame."""
+    """The bytes of a field in a frame, as a slice. The fields before the payload do not depend on its size."""
     start = 0
     for field in LAYOUT:
         stop = start + (payload_size if field.size is None else field.size)
@@ -95,5 +96,5 @@ def place(name, payload_size=0):
 
 
 def crc(data):
-    """CRC-16/CCITT-FALSE (0x1021, from 0xFFFF, not reflected) of bytes, as an integer."""
+    """CRC-16/CCITT-FALSE (polynomial 0x1021, initial value 0xFFFF, not reflected) of bytes, as an integer."""
     return binascii.crc_hqx(data, 0xFFFF)
