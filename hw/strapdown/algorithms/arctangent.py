@@ -6,10 +6,10 @@ __all__ = ["atan2"]
 
 PI = 3.141592653589793
 
-# atan(t) = t + t·u·(c0 + c1·u + …), u = t², for 0 <= t <= 1: least greatest relative error, by
-# Remez's exchange; the first term is exactly t, so that small angles are exact.
-COEFFICIENTS = (-0.3333315274, 0.1999377284, -0.1421105534, 0.1066600479, -0.07552214625, 0.04321186508,
-                -0.01636793074, 0.002920692941)
+# atan(t) = t + t·u·(c0 + c1·u + …), u = t², for 0 <= t <= 1: strapdown.design.arctangent_coefficients(7).
+# The first term is exactly t, so that small angles are exact.
+COEFFICIENTS = (-0.3333315274, 0.1999377284, -0.1421105535, 0.1066600481, -0.07552214647, 0.04321186513,
+                -0.0163679307, 0.002920692916)
 
 SHORTEST = 2.0**-126
 """Added to the longer side: keeps 0/0 away, and is lost in any side from 2**-101 on."""

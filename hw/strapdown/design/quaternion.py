@@ -14,9 +14,10 @@ from math import factorial
 
 import numpy as np
 
+from .polynomial import DIGITS, evaluate, interpolate, remez
+
 __all__ = ["METHODS", "TransitionCoefficients", "least_squares", "minimax", "smallest_order"]
 
-DIGITS = 60
 LARGEST_ANGLE = 3.0
 """Largest turn in one update, rad: at pi the sign of the sample's axis would be ambiguous."""
 HIGHEST_ORDER = 8
@@ -73,7 +74,7 @@ class TransitionCoefficients:
         with localcontext(prec=DIGITS):
             u = x * x
             cosine, sine = _cosine(u), x * _sine_over_angle(u)
-            a, s = _evaluate(self.a0, u), x * _evaluate(self.d0, u)
+            a, s = evaluate(self.a0, u), x * evaluate(self.d0, u)
             # (a, s) turned back by the exact half angle: what is left is the error, and small.
             along, across = a * cosine + s * sine, s * cosine - a * sine
             ratio = across / along
@@ -111,8 +112,8 @@ def least_squares(order, largest_angle):
     """
     first = [(largest_angle * i / order) ** 2 for i in range(order + 1)]
     second = [(largest_angle * i / (order + 1)) ** 2 for i in range(1, order + 2)]
-    return (_interpolate(first, [_cosine(u) for u in first]),
-            _interpolate(second, [_sine_over_angle(u) for u in second]))
+    return (interpolate(first, [_cosine(u) for u in first]),
+            interpolate(second, [_sine_over_angle(u) for u in second]))
 
 
 @_checked
@@ -122,8 +123,8 @@ def minimax(order, largest_angle):
     Parameters, result and errors as of ``least_squares``. By Remez' exchange, in u.
     """
     last = largest_angle * largest_angle
-    return (_remez(_cosine, lambda u: Decimal(1), order, last),
-            _remez(_sine_over_angle, lambda u: u.sqrt(), order, last))
+    return (remez(_cosine, lambda u: Decimal(1), order, last),
+            remez(_sine_over_angle, lambda u: u.sqrt(), order, last))
 
 
 METHODS = {"least-squares": least_squares, "minimax": minimax}
@@ -163,76 +164,3 @@ def _cosine(u):
 def _sine_over_angle(u):
     """sin(x/2)/x of u = x²."""
     return _series(u, 1) / 2
-
-
-def _evaluate(coefficients, u):
-    total = Decimal(0)
-    for coefficient in reversed(coefficients):
-        total = total * u + Decimal(coefficient)
-    return total
-
-
-def _interpolate(nodes, values):
-    """Coefficients of the polynomial through (node, value), lowest power first: Newton's divided differences."""
-    values = list(values)
-    for level in range(1, len(nodes)):
-        for i in range(len(nodes) - 1, level - 1, -1):
-            values[i] = (values[i] - values[i - 1]) / (nodes[i] - nodes[i - level])
-    result = [Decimal(0)] * len(nodes)
-    for node, value in zip(reversed(nodes), reversed(values), strict=True):
-        shifted = [Decimal(0), *result[:-1]]
-        result = [up - node * same for up, same in zip(shifted, result, strict=True)]
-        result[0] += value
-    return result
-
-
-def _remez(function, weight, order, last):
-    """Minimax polynomial of ``function`` on [0, last] for an error times ``weight``.
-
-    On order + 2 nodes the error alternates in sign with one magnitude; nodes then move to the
-    extremes of the error. Its largest value is found on a grid, whose spacing costs a relative
-    1e-4 of the error at most, second order in the distance from the extreme.
-    """
-    grid = [last * (1 - Decimal(float(np.cos(np.pi * k / GRID)))) / 2 for k in range(GRID + 1)]
-    exact = [function(u) for u in grid]
-    weights = [weight(u) for u in grid]
-    # The extremes of a Chebyshev polynomial; those of a weighted error are near, and none where the weight is zero.
-    nodes = [1 + round((GRID - 1) * k / (order + 1)) for k in range(order + 2)]
-    for _ in range(ROUNDS):
-        barycentric = [1 / _product(grid[k] - grid[m] for m in nodes if m != k) for k in nodes]
-        level = (sum(b * exact[k] for b, k in zip(barycentric, nodes, strict=True))
-                 / sum(b * (-1) ** i / weights[k] for i, (b, k) in enumerate(zip(barycentric, nodes, strict=True))))
-        polynomial = _interpolate([grid[k] for k in nodes[:-1]],
-                                  [exact[k] - (-1) ** i * level / weights[k] for i, k in enumerate(nodes[:-1])])
-        error = [(_evaluate(polynomial, u) - f) * w for u, f, w in zip(grid, exact, weights, strict=True)]
-        extremes = _alternation(error, order + 2)
-        if extremes == nodes:
-            return polynomial
-        nodes = extremes
-    raise ArithmeticError("Remez' exchange did not settle")
-
-
-GRID = 400
-ROUNDS = 30
-
-
-def _alternation(error, count):
-    """Indices of the largest error in each run of one sign, ``count`` runs."""
-    runs: list[int] = []
-    for k, value in enumerate(error):
-        if value and (not runs or (value > 0) != (error[runs[-1]] > 0)):
-            runs.append(k)
-        elif value and abs(value) > abs(error[runs[-1]]):
-            runs[-1] = k
-    while len(runs) > count:
-        runs.pop(0 if abs(error[runs[0]]) < abs(error[runs[-1]]) else -1)
-    if len(runs) < count:
-        raise ArithmeticError("Remez' exchange lost an extreme")
-    return runs
-
-
-def _product(factors):
-    result = Decimal(1)
-    for factor in factors:
-        result *= factor
-    return result

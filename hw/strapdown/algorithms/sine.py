@@ -1,0 +1,40 @@
+"""Sine and cosine by additions and multiplications, for engines that have no operator for them."""
+
+import math
+
+from .vector import polynomial
+
+__all__ = ["half_turn", "sine_cosine"]
+
+RADIANS = math.pi / 180
+
+# sin(t) = t + t·u·(c0 + c1·u + …), u = t², for |t| <= π/2: strapdown.design.sine_coefficients(7).
+# The first term is exactly t, so that small angles are exact.
+COEFFICIENTS = (-0.16666666666666666, 0.008333333333333194, -0.00019841269841209218, 2.7557319211137288e-06,
+                -2.5052106872803255e-08, 1.6058939705942778e-10, -7.642991490418e-13, 2.721174973476604e-15)
+
+
+def half_turn(xp, degrees):
+    """The angle between -180 and 180 degrees of an angle between -360 and 360."""
+    degrees = xp.select(degrees > 180.0, degrees - 360, degrees)
+    return xp.select(degrees < -180.0, degrees + 360, degrees)
+
+
+def sine_cosine(xp, degrees):
+    """Sine and cosine of an angle in degrees, from -180 to 180: (sine, cosine).
+
+    The angle is brought to a quarter turn in degrees, which is exact next to the ends of each quarter,
+    where one of the two is small. Each is within 7·2**-p of itself, relatively, p being the precision of
+    the format, up to binary64's.
+    """
+    size = xp.select(degrees < 0.0, -degrees, degrees)
+    complement = 90 - size
+    quarter_sine = sine_of_quarter(xp.select(complement < 0.0, 180 - size, size))
+    return xp.select(degrees < 0.0, -quarter_sine, quarter_sine), sine_of_quarter(complement)
+
+
+def sine_of_quarter(degrees):
+    """Sine of an angle in degrees, from -90 to 90."""
+    t = RADIANS * degrees
+    u = t * t
+    return t + (t * u) * polynomial(COEFFICIENTS, u)
