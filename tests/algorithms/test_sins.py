@@ -30,10 +30,9 @@ def quaternion(c_b2n):
 def start_inputs(system, *, latitude, longitude, height=0.0, velocity=(0, 0, 0), c_b2n=None, align=0.0):
     """Inputs of an update that loads a start, angles in rad."""
     q = (0, 0, 0, 0) if c_b2n is None else quaternion(c_b2n)
-    names = ("in_sin_lat", "in_cos_lat", "in_sin_lon", "in_cos_lon", "in_veast", "in_vnorth", "in_vup", "in_height",
+    names = ("in_lat", "in_lon", "in_veast", "in_vnorth", "in_vup", "in_height",
              "in_q0", "in_q1", "in_q2", "in_q3", "in_load", "in_align")
-    values = (np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude), *velocity, height, *q,
-              1.0, align)
+    values = (np.degrees(latitude), np.degrees(longitude), *velocity, height, *q, 1.0, align)
     return dict.fromkeys(system.input_ports, 0.0) | dict(zip(names, values, strict=True)) | (
         {"in_altitude": height} if "in_altitude" in system.input_ports else {})
 
@@ -183,8 +182,33 @@ def test_out_of_range_is_told(port, limit):
         assert system.update_float64(quiet | {port: factor * limit}, dict(system.reset))["out_of_range"] == expected
 
 
+@pytest.mark.parametrize(("longitude", "shown"), [(-120.3, -120.3), (239.5, -120.5), (-200.0, 160.0)])
+def test_a_load_shows_the_start_position(longitude, shown):
+    system = sins_top(SINS)
+    inputs = start_inputs(system, latitude=0.0, longitude=0.0, c_b2n=np.eye(3), velocity=(3.0, 4.0, 5.0))
+    result, state = update(system, inputs | {"in_lat": 45.3, "in_lon": longitude}, dict(system.reset))
+    assert (result["out_latitude"], result["out_longitude"], result["out_wander"]) == (45.3, shown, 0)
+    assert [result[f"out_v{name}"] for name in ("east", "north", "up")] == [3, 4, 5]
+    assert not result["out_of_range"]
+    # And the state has it: at rest over the ground the next update shows the same, but for rounding.
+    result, _ = update(system, sample(system, np.zeros(3), np.zeros(3)) | {"in_lat": 1e300}, state | {
+        f"v{axis}": 0.0 for axis in "xyz"} | {f"half_{axis}": 0.0 for axis in "xyz"})
+    assert result["out_latitude"] == pytest.approx(45.3, abs=1e-13)
+    assert result["out_longitude"] == pytest.approx(shown, abs=1e-13)
+
+
+@pytest.mark.parametrize(("angles", "expected"), [
+    ((90.0, 360.0), False), ((-90.0, -360.0), False), ((90.1, 0.0), True), ((0.0, -360.5), True)])
+def test_a_start_angle_out_of_range_is_told(angles, expected):
+    system = sins_top(SINS)
+    inputs = start_inputs(system, latitude=0.0, longitude=0.0, c_b2n=np.eye(3))
+    inputs |= dict(zip(("in_lat", "in_lon"), angles, strict=True))
+    assert update(system, inputs, dict(system.reset))[0]["out_of_range"] == expected
+    assert not update(system, inputs | {"in_load": 0.0}, dict(system.reset))[0]["out_of_range"]
+
+
 def test_position_matrix_stays_orthonormal():
-    c = sins.start_position(Float64(), 0.6, 0.8, 0.28, 0.96)
+    c = sins.start_position(Float64(), 37.0, 16.0)
     transport = (3e-5, -2e-5)
     for _ in range(2000):
         c = sins.position_matrix(Float64(), c, transport, 1.0)

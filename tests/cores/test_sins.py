@@ -10,9 +10,8 @@ from strapdown.kernel.pool import Pool
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.stimuli.flight import airliner, sensor_errors
 
-INPUTS = {"in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_sin_lat", "in_cos_lat",
-          "in_sin_lon", "in_cos_lon", "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2",
-          "in_q3"}
+INPUTS = {"in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_lat", "in_lon",
+          "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2", "in_q3"}
 OUTPUTS = {"out_pitch", "out_roll", "out_heading", "out_veast", "out_vnorth", "out_vup", "out_latitude",
            "out_longitude", "out_height", "out_wander"}
 CONFIGS = {
@@ -36,11 +35,9 @@ def stimulus(system):
     still = [0] * (ALIGNMENT + 10)
     omega_b, f_b = (np.concatenate((values[still], values)) for values in (omega_b, f_b))
     total = len(omega_b)
-    latitude, longitude = np.radians([flight.latitude_deg, flight.longitude_deg])
     inputs = {port: np.zeros(total) for port in system.input_ports}
     inputs |= dict(zip(("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz"), (*omega_b.T, *f_b.T), strict=True))
-    inputs |= {"in_sin_lat": np.full(total, np.sin(latitude)), "in_cos_lat": np.full(total, np.cos(latitude)),
-               "in_sin_lon": np.full(total, np.sin(longitude)), "in_cos_lon": np.full(total, np.cos(longitude)),
+    inputs |= {"in_lat": np.full(total, flight.latitude_deg), "in_lon": np.full(total, flight.longitude_deg),
                "in_height": np.full(total, 150.0), "in_q0": np.full(total, 2.0), "in_q3": np.full(total, -0.5)}
     if "in_altitude" in inputs:
         inputs["in_altitude"] = np.concatenate((np.full(len(still), 150.0), truth.height_m))

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from .attitude import DEGREES, Update
 from .quaternion import polynomial, rate_product
+from .sine import half_turn, sine_cosine
 from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, matrix_vector, scale
 
 __all__ = ["Earth", "SOURCE_EARTH", "WGS84", "alignment_quaternion", "attitude_quaternion", "earth_and_transport_rate",
@@ -128,8 +129,10 @@ def position_matrix(xp, c, transport, step):
     return tuple(zip(*columns, strict=True))
 
 
-def start_position(xp, sin_latitude, cos_latitude, sin_longitude, cos_longitude):
-    """C_e^p of a position with the platform along east, north and up: wander angle zero."""
+def start_position(xp, latitude, longitude):
+    """C_e^p of a position (degrees) with the platform along east, north and up: wander angle zero."""
+    sin_latitude, cos_latitude = sine_cosine(xp, latitude)
+    sin_longitude, cos_longitude = sine_cosine(xp, longitude)
     return ((-sin_longitude, cos_longitude, 0.0),
             (-sin_latitude * cos_longitude, -sin_latitude * sin_longitude, cos_latitude),
             (cos_latitude * cos_longitude, cos_latitude * sin_longitude, sin_latitude))
@@ -160,9 +163,8 @@ def alignment_quaternion(xp, f, omega):
     return chosen(larger, second, first)
 
 
-def north_east_velocity(xp, c, v, cosine):
-    """Velocity east and north from V and the wander angle, cosine = cos L: north is (C13, C23)/cos L in p."""
-    n = (c[0][2], c[1][2])
+def north_east_velocity(xp, n, v, cosine):
+    """Velocity east and north from V and the wander angle, cosine = cos L: north is n/cos L in p, n = (C13, C23)."""
     inverse = 1 / xp.maximum(cosine, SMALLEST_COSINE)
     return inverse * (v[0] * n[1] - v[1] * n[0]), inverse * dot(v[:2], n)
 
@@ -171,14 +173,15 @@ SMALLEST_COSINE = 2.0**-30
 """Less than a centimetre from the pole there is no east."""
 
 
-def navigation_angles(xp, t, c):
+def navigation_angles(xp, t, n, c):
     """Pitch, roll, true heading, latitude, longitude and wander angle in degrees: eq. 5 and 9.
+
+    ``n`` is (C13, C23) with any positive factor.
 
     Heading is clockwise from true north in [0, 360): minus the source's grid heading
     atan2(−T12, T22) less the wander angle atan2(C13, C23), both anticlockwise, taken in one
     arctangent. Returns (pitch, roll, heading), (latitude, longitude, wander), cos L.
     """
-    n = (c[0][2], c[1][2])
     forward, cosine = (t[0][1], t[1][1]), xp.sqrt(dot(c[2][:2], c[2][:2]))
     pitch = xp.atan2(t[2][1], xp.sqrt(t[2][0] * t[2][0] + t[2][2] * t[2][2]))
     roll = xp.atan2(-t[2][0], t[2][2])
@@ -202,6 +205,10 @@ def sins_update(xp, omega, f, load, align, place, start_v, start_h, start_q, q, 
     """
     with xp.section("MODE"):
         loads, after = load > 0.5, left - 1
+        # Without a load the start angles may be any numbers.
+        latitude, longitude = (xp.select(loads, angle, 0.0) for angle in place)
+        excess = xp.maximum(latitude * latitude - 90.0**2, longitude * longitude - 360.0**2)
+        start = latitude, half_turn(xp, longitude)
         step = xp.select(loads, 0.0, xp.select(left < 0.0, period, 0.0))
         goes_on = xp.select(loads, -1.0, after - 0.5)
         total_rate, total_force = add(before, omega), add(force, f)
@@ -234,17 +241,20 @@ def sins_update(xp, omega, f, load, align, place, start_v, start_h, start_q, q, 
         h = xp.select(loads, start_h, h + step * (climb + half[2]))
         v = tuple(xp.select(loads, a, b + (d + d)) for a, b, d in zip(start_v, v, half, strict=True))
     with xp.section("POSITION"):
-        start_c, c = start_position(xp, *place), position_matrix(xp, c, transport, step)
+        moved = position_matrix(xp, c, transport, step)
         c = tuple(tuple(xp.select(loads, a, b) for a, b in zip(*rows, strict=True))
-                  for rows in zip(start_c, c, strict=True))
+                  for rows in zip(start_position(xp, *start), moved, strict=True))
     with xp.section("OUTPUT"):
-        attitude, position, cosine = navigation_angles(xp, t, c)
-        east, north = north_east_velocity(xp, c, v, cosine)
-        excess = xp.maximum(rate_square - rate_max**2, dot(f, f) - force_max**2)
+        # The start position is shown as it came, with the platform's north along y: nothing waits for its sines.
+        n = tuple(xp.select(loads, a, row[2]) for a, row in zip((0.0, 1.0), moved[:2], strict=True))
+        attitude, position, cosine = navigation_angles(xp, t, n, moved)
+        east, north = north_east_velocity(xp, n, v, xp.select(loads, 1.0, cosine))
+        shown = tuple(xp.select(loads, a, b) for a, b in zip(start, position[:2], strict=True))
+        excess = xp.maximum(excess, xp.maximum(rate_square - rate_max**2, dot(f, f) - force_max**2))
     state = {"q": q, "t": t, "c": c, "v": v, "half": half, "h": h, "before": next_before, "force": next_force,
              "left": next_left}
     return Update(
-        outputs={"attitude": attitude, "velocity": (east, north, v[2]), "position": position[:2], "height": h,
+        outputs={"attitude": attitude, "velocity": (east, north, v[2]), "position": shown, "height": h,
                  "wander": position[2]},
         state=state | ({"bias": bias} if damping else {}),
         status={"aligning": next_left > 0.5, "navigating": next_left < 0.0, "out_of_range": excess > 0.0})

@@ -6,7 +6,7 @@ from typing import Literal
 import pydantic
 from pydantic import Field
 
-from strapdown.algorithms import sins
+from strapdown.algorithms import sine, sins
 from strapdown.algorithms.quaternion import polynomial
 from strapdown.config import Config
 from strapdown.design import METHODS
@@ -54,7 +54,7 @@ MEANINGS = {
     "altitude": "altitude that damps the vertical channel, m",
     "load": "1.0: take the start values with this sample; 0.0: go on",
     "align": "with the load 1.0: begin an alignment at rest; 0.0: the attitude is the start quaternion",
-    "place": "start position: sine and cosine of latitude and of longitude",
+    "place": "start position: latitude and longitude, degrees",
     "start_v": "start velocity east, north, up, m/s; zero for an alignment",
     "start_h": "start height, m",
     "start_q": "start attitude: quaternion body to east-north-up, scalar first, any length",
@@ -67,7 +67,7 @@ MEANINGS = {
 """Meaning, unit and frame of the ports, by the kernel's names."""
 
 KERNELS = (sins.earth_and_transport_rate, polynomial, sins.attitude_quaternion, sins.matrix_of_quaternion,
-           sins.velocity_half_change, sins.vertical_loop, sins.position_matrix, sins.start_position,
+           sins.velocity_half_change, sins.vertical_loop, sins.position_matrix, sins.start_position, sine.sine_cosine,
            sins.alignment_quaternion, sins.navigation_angles, sins.north_east_velocity)
 
 
@@ -86,7 +86,7 @@ def sins_top(config):
             force_max=config.force_max_m_s2)
 
     inputs = {"omega": vector("in_w{}"), "f": vector("in_f{}"), "load": "in_load", "align": "in_align",
-              "place": ("in_sin_lat", "in_cos_lat", "in_sin_lon", "in_cos_lon"),
+              "place": ("in_lat", "in_lon"),
               "start_v": vector("in_v{}", ("east", "north", "up")), "start_h": "in_height",
               "start_q": vector("in_q{}", "0123")}
     state = {"q": vector("q{}", "0123"), "t": matrix("t{}"), "c": matrix("c{}"), "v": vector("v{}"),

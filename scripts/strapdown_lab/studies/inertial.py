@@ -139,9 +139,9 @@ def run_twin(leg):
     zero = dict.fromkeys(system.input_ports, 0.0)
     ports = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz")
     samples = np.concatenate([leg.omega_b, leg.f_b], axis=-1)
-    start = zero | dict(zip(("in_veast", "in_vnorth", "in_vup"), leg.velocity_m_s.T, strict=True)) | {
-        "in_sin_lat": np.sin(leg.latitude), "in_cos_lat": np.cos(leg.latitude), "in_cos_lon": 1.0,
-        "in_height": leg.height_m, "in_load": 1.0} | {f"in_q{k}": leg.q_b2n[:, k] for k in range(4)}
+    start = zero | dict(zip(("in_veast", "in_vnorth", "in_vup"), leg.velocity_m_s.T, strict=True))
+    start |= {"in_lat": np.degrees(leg.latitude), "in_height": leg.height_m, "in_load": 1.0}
+    start |= {f"in_q{k}": leg.q_b2n[:, k] for k in range(4)}
     start |= dict(zip(ports, samples[0].T, strict=True))
     state = {word: np.full(lanes, value) for word, value in system.reset.items()}
     kept = []

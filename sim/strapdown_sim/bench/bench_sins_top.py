@@ -23,14 +23,12 @@ def sample(omega=None, f=None, *, velocity=(0.0, 0.0, 0.0), load=0.0, align=0.0)
     north = math.cos(LATITUDE) * math.cos(HEADING) * EARTH.rate_rad_s
     omega = omega or (east, north, math.sin(LATITUDE) * EARTH.rate_rad_s)
     f = f or (0.0, 0.0, EARTH.gravity(LATITUDE, HEIGHT_M))
-    place = (math.sin(LATITUDE), math.cos(LATITUDE), math.sin(math.radians(LONGITUDE_DEG)),
-             math.cos(math.radians(LONGITUDE_DEG)))
     # Heading is clockwise, the quaternion's turn about up anticlockwise; its length does not matter.
     q = 3 * math.cos(HEADING / 2), 0.0, 0.0, -3 * math.sin(HEADING / 2)
-    names = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_sin_lat", "in_cos_lat",
-             "in_sin_lon", "in_cos_lon", "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2",
-             "in_q3")
-    inputs = dict(zip(names, (*omega, *f, load, align, *place, *velocity, HEIGHT_M, *q), strict=True))
+    names = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_lat", "in_lon",
+             "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2", "in_q3")
+    values = (*omega, *f, load, align, LATITUDE_DEG, LONGITUDE_DEG, *velocity, HEIGHT_M, *q)
+    inputs = dict(zip(names, values, strict=True))
     return inputs | ({"in_altitude": HEIGHT_M} if config.damping_s else {})
 
 
