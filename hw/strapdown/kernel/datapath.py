@@ -3,7 +3,9 @@
 from amaranth import *
 from amaranth.lib.memory import Memory
 
-__all__ = ["choose", "memory", "number_registers", "operand_registers", "operators"]
+from .operators import integer_bits
+
+__all__ = ["captured_inputs", "choose", "memory", "operand_registers", "operators"]
 
 
 def memory(program, depth, style, init=()):
@@ -11,9 +13,18 @@ def memory(program, depth, style, init=()):
     return Memory(shape=program.format.width, depth=depth, init=init, attrs={"ram_style": style.value})
 
 
-def number_registers(program, names):
-    """A register for each number, without reset."""
-    return [Signal(program.format.width, name=name, reset_less=True) for name in names]
+def captured_inputs(m, component, program, taken):
+    """Input port to a register of what stood there, as a word of the memory, at the last edge with ``taken`` high."""
+    captured = {port: Signal(program.format.width, name=f"{port}_q", reset_less=True)
+                for port in program.graph.inputs}
+    with m.If(taken):
+        for port, register in captured.items():
+            value = getattr(component, port)
+            if port in component.system.integers:
+                # The sign reaches up to the bits that stay zero.
+                value = Cat(value, value[-1].replicate(integer_bits(program.format) - len(value)))
+            m.d.sync += register.eq(value)
+    return captured
 
 
 def operand_registers(m, program, word, fetch):

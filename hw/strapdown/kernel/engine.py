@@ -8,7 +8,7 @@ from amaranth import *
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from .datapath import choose, memory, number_registers, operand_registers, operators
+from .datapath import captured_inputs, choose, memory, operand_registers, operators
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .list_scheduler import list_schedule
 from .machine import UpdateMachine
@@ -35,7 +35,7 @@ class Engine(SystemComponent):
     *start*, *finish* : In(1), Out(1)
         The start is sampled at the clock edge while the engine is idle, and with it all inputs.
         The finish falls at that edge and rises with the outputs.
-    *input ports* : In(format.width)
+    *input ports* : In(format.width), or a number of bits that the system says
     *output ports* : Out(format.width)
         Hold from one finish to the next; all change in one cycle. After a reset they show the
         reset state where they are state, else zero.
@@ -74,7 +74,7 @@ class Engine(SystemComponent):
         system, format, meanings = self._system, self._program.format, self._system.port_meanings
         return (Port(system.start, In, 1, "starts an update"),
                 Port(system.finish, Out, 1, "high when the outputs are valid"),
-                *(Port(name, In, format.width, meanings[name]) for name in system.input_ports),
+                *(Port(name, In, system.input_width(name, format), meanings[name]) for name in system.input_ports),
                 *(Port(name, Out, format.width, meanings[name], init=format.encode(value))
                   for name, value in self.reset_outputs.items()),
                 *status_ports(system, self.status_names))
@@ -187,11 +187,7 @@ class Engine(SystemComponent):
 
     def _inputs(self, m, control):
         """Input port to its value at the edge that took the start."""
-        ports = self._program.graph.inputs
-        captured = number_registers(self._program, [f"{port}_q" for port in ports])
-        with m.If(control.taken):
-            m.d.sync += [register.eq(getattr(self, port)) for register, port in zip(captured, ports, strict=True)]
-        return dict(zip(ports, captured, strict=True))
+        return captured_inputs(m, self, self._program, control.taken)
 
     def _datapath(self, m, word, captured):
         """Memories, operators and buses; returns the enable and the value of each write to a memory.
@@ -262,7 +258,7 @@ class Engine(SystemComponent):
         (_, bus), *_ = writes
         graph = self._program.graph
         for port, node in graph.outputs.items():
-            (waiting,) = number_registers(self._program, [f"{port}_d"])
+            waiting = Signal(self._program.format.width, name=f"{port}_d", reset_less=True)
             with m.If(self._arrives(m, control, node, port)):
                 m.d.sync += waiting.eq(bus)
             with m.If(commit):

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from .operators import Operation, meaning
+from .operators import Operation, integer_word, meaning
 from .value import Namespace, Value
 
 __all__ = ["Float64", "Twin"]
@@ -19,6 +19,11 @@ class Float64:
     def __getattr__(self, name):
         known = meaning(name)
         return known.float64 if isinstance(known, Operation) else partial(known, self)
+
+    @staticmethod
+    def given_integer(array):
+        """The operand of ``from_integer`` for the integers at an input port."""
+        return np.asarray(array)
 
     @staticmethod
     def section(name):
@@ -40,7 +45,7 @@ class Twin(Namespace):
     Attributes
     ----------
     finite : ndarray of bool
-        Samples in which no operation so far gave NaN or infinity.
+        Samples in which no operation has given NaN or infinity so far.
     """
 
     def __init__(self, pool):
@@ -52,9 +57,16 @@ class Twin(Namespace):
         return TwinValue(self, self.pool.format.array(number))
 
     def given(self, array):
-        """What stands at a port or in a word of the state: rounded to the format, subnormals not flushed."""
+        """A scalar of the kernel from what an input port or a state word holds.
+
+        It is rounded to the format; subnormals are not flushed.
+        """
         fmt = self.pool.format
         return TwinValue(self, fmt.from_bits(fmt.to_bits(array)))
+
+    def given_integer(self, array):
+        """The operand of ``from_integer`` for the integers at an input port."""
+        return TwinValue(self, integer_word(self.pool.format, array))
 
     def negate(self, a):
         return TwinValue(self, -a.array)

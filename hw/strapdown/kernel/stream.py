@@ -8,7 +8,7 @@ from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
 
-from .datapath import choose, memory, number_registers, operand_registers, operators
+from .datapath import captured_inputs, choose, memory, operand_registers, operators
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .machine import StreamMachine
 from .modulo_scheduler import modulo_schedule
@@ -42,7 +42,7 @@ class StreamEngine(SystemComponent):
         update in flight. in_ready follows in_channel within the cycle.
     in_channel : In(log2(channels))
         Channel of the sample.
-    *input ports* : In(format.width)
+    *input ports* : In(format.width), or a number of bits that the system says
     *finish*, out_channel : Out(1), Out(log2(channels))
         High for one cycle an update, and its channel; samples finish in the order in which they came.
     *output ports* : Out(format.width)
@@ -88,7 +88,8 @@ class StreamEngine(SystemComponent):
         return (Port(system.start, In, 1, "offers a sample"),
                 Port(READY, Out, 1, "high when an offered sample is taken; depends on in_channel"),
                 Port(IN_CHANNEL, In, channel, "whose sample it is"),
-                *(Port(name, In, width, meanings[name]) for name in system.input_ports),
+                *(Port(name, In, system.input_width(name, program.format), meanings[name])
+                  for name in system.input_ports),
                 Port(system.finish, Out, 1, "high for one cycle with new outputs"),
                 Port(OUT_CHANNEL, Out, channel, "whose outputs and status they are"),
                 *(Port(name, Out, width, meanings[name]) for name in system.output_ports),
@@ -193,11 +194,7 @@ class StreamEngine(SystemComponent):
 
     def _inputs(self, m, control):
         """Registers of the input ports, loaded at each beginning."""
-        ports = self._program.graph.inputs
-        captured = number_registers(self._program, [f"{port}_q" for port in ports])
-        with m.If(control.beginning):
-            m.d.sync += [register.eq(getattr(self, port)) for register, port in zip(captured, ports, strict=True)]
-        return captured
+        return list(captured_inputs(m, self, self._program, control.beginning).values())
 
     def _word(self, m, control, stages):
         """The word that acts, its addresses settled by what is known of each stage; and whether it writes to the main

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .numeric import Float64, Twin
+from .operators import integer_bits
 from .trace import Tracer
 
 __all__ = ["System", "leaves", "matrix", "vector"]
@@ -52,6 +53,10 @@ class Rounded(Float64):
     def __init__(self, dtype):
         self._dtype = dtype
 
+    def from_integer(self, integer):
+        """An integer as a number of the type."""
+        return np.asarray(integer).astype(self._dtype)[()]
+
     def select(self, condition, a, b):  # type: ignore[override]
         """As NumPy's ``where``, which makes float64 of two of Python's floats."""
         return np.where(condition, a, b).astype(self._dtype)[()]
@@ -84,6 +89,9 @@ class System:
         The functions whose docstrings explain the equations.
     meanings : dict
         Argument or result name to meaning, unit and frame of its ports.
+    integers : dict
+        Input port that carries an integer in two's complement, such as the word of an analogue-to-digital
+        converter, to its number of bits, at least 2. The equations get the number; the pool needs a Converter.
     status_port : str
         Port of the status bits; a system that has one refuses an update in which a number is
         not finite. Empty: NaN and infinity go their way to the outputs.
@@ -99,6 +107,7 @@ class System:
     finish: str
     kernels: tuple[Callable, ...] = ()
     meanings: dict[str, str] = field(default_factory=dict)
+    integers: dict[str, int] = field(default_factory=dict)
     state: dict[str, object] = field(default_factory=dict)
     reset: dict[str, float] = field(default_factory=dict)
     status: tuple[str, ...] = ()
@@ -109,6 +118,11 @@ class System:
         if unknown := [word for word in self.reset if word not in words]:
             raise ValueError(f"reset must name words of the state, which {unknown[0]} is not")
         object.__setattr__(self, "reset", words | self.reset)
+        for port, bits in self.integers.items():
+            if port not in self.input_ports:
+                raise ValueError(f"integers must name input ports, which {port} is not")
+            if bits < 2:
+                raise ValueError(f"integer port {port} must have at least 2 bits, not {bits!r}")
 
     @property
     def input_ports(self):
@@ -119,6 +133,16 @@ class System:
     def output_ports(self):
         """Names of the data outputs, in order."""
         return tuple(leaves(self.outputs))
+
+    def input_width(self, port, format):
+        """Bits of an input port of an engine for numbers of a format."""
+        return self.integers.get(port, format.width)
+
+    def input_bits(self, port, format, values):
+        """What stands at an input port for numbers, or for integers if it is a port of such: unsigned integers."""
+        if port in self.integers:
+            return np.asarray(values, np.int64).view(np.uint64) & np.uint64((1 << self.integers[port]) - 1)
+        return format.to_bits(values)
 
     @property
     def port_meanings(self):
@@ -204,12 +228,15 @@ class System:
         return {leaf: np.broadcast_to(array, common).copy() for leaf, array in arrays.items()}
 
     def trace(self, pool):
-        """The graph of the equations, in the operations and the format of a pool."""
+        """The graph of the equations, in the operations and the format of a pool.
+
+        Raises: ValueError for an operation that the pool lacks, and for an integer port that is too wide.
+        """
+        for port, bits in self.integers.items():
+            if bits > (most := integer_bits(pool.format)):
+                raise ValueError(f"integer port {port} must have at most {most} bits in {pool.format.name}, not {bits}")
         xp = Tracer(pool, self.sections, modules=self._own_modules)
-        update = self.equations(
-            xp,
-            **{name: shaped(ports, lambda port: xp.source("input", port)) for name, ports in self.inputs.items()},
-            **{name: shaped(words, lambda word: xp.source("state", word)) for name, words in self.state.items()})
+        update = self._evaluated(xp, lambda port: xp.source("input", port), lambda word: xp.source("state", word))
         next_state: dict = {}
         for name, words in self.state.items():
             for word, symbol in zip(leaves(words), leaves(update.state[name]), strict=True):
@@ -275,7 +302,8 @@ class System:
         """
         fmt, words = pool.format, tuple(self.reset)
         ports = dict(zip(self.input_ports, np.broadcast_arrays(
-            *(fmt.from_bits(fmt.to_bits(inputs[port])) for port in self.input_ports)), strict=True))
+            *(np.asarray(inputs[port]) if port in self.integers else fmt.from_bits(fmt.to_bits(inputs[port]))
+              for port in self.input_ports)), strict=True))
         count, *lanes = ports[self.input_ports[0]].shape
         start = self.trace(pool).reset_outputs | self.reset | (state or {})
         held = {name: np.broadcast_to(fmt.array(start[name]), lanes) for name in (*self.output_ports, *words)}
@@ -359,12 +387,20 @@ class System:
                 state = {word: np.where(kept, update[word], values).astype(dtype) for word, values in state.items()}
         return states
 
+    def _evaluated(self, xp, read_input, read_state):
+        """What the equations give for the values at input ports and in state words."""
+        def number(port):
+            value = read_input(port)
+            return xp.from_integer(value) if port in self.integers else value
+
+        return self.equations(xp, **{name: shaped(ports, number) for name, ports in self.inputs.items()},
+                              **{name: shaped(words, read_state) for name, words in self.state.items()})
+
     def _update(self, xp, wrap, unwrap, inputs, state):
         state = {} if state is None else state
-        update = self.equations(
-            xp,
-            **{name: shaped(ports, lambda port: wrap(inputs[port])) for name, ports in self.inputs.items()},
-            **{name: shaped(words, lambda word: wrap(state[word])) for name, words in self.state.items()})
+        update = self._evaluated(
+            xp, lambda port: xp.given_integer(inputs[port]) if port in self.integers else wrap(inputs[port]),
+            lambda word: wrap(state[word]))
         results: dict = {}
         for names, values in (self.outputs, update.outputs), (self.state, update.state):
             for name, tree in names.items():

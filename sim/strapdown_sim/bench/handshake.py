@@ -53,7 +53,7 @@ class CoreDriver:
     def drive(self, inputs):
         """Put numbers on input ports."""
         for port, value in inputs.items():
-            getattr(self._dut, port).value = int(self._format.to_bits(value))
+            getattr(self._dut, port).value = int(self.system.input_bits(port, self._format, value))
 
     def bits(self):
         """Encodings at the output ports, as a dict of ints."""

@@ -40,7 +40,7 @@ class CoreModel:
         Parameters
         ----------
         inputs : dict
-            Input port to numbers, shape (N,), in the port's unit; rounded to the core's format.
+            Input port to numbers, shape (N,), in the port's unit; rounded to the core's format, or integers.
         progress : callable or None
             Called with the number of updates done, now and then.
 
@@ -52,7 +52,7 @@ class CoreModel:
         """
         fmt, system = self._format, self.core.system
         with np.errstate(all="ignore"):
-            bits = {port: fmt.to_bits(inputs[port]) for port in system.input_ports}
+            bits = {port: system.input_bits(port, fmt, inputs[port]) for port in system.input_ports}
         answer = self._model.transact(bits, limit=2 * self.core.latency, progress=progress)
         result = {port: fmt.from_bits(answer[port].astype(fmt.bits_dtype)) for port in system.output_ports}
         result["cycles"] = answer["cycles"].astype(int)

@@ -48,7 +48,7 @@ class StreamModel:
         channels : ndarray of int
             Channel of each sample, shape (N,).
         inputs : dict
-            Input port to numbers, shape (N,), in the port's unit; rounded to the core's format.
+            Input port to numbers, shape (N,), in the port's unit; rounded to the core's format, or integers.
         idle : int or ndarray of int
             Cycles without an offer before each sample, or ``RESET``.
         progress : callable or None
@@ -63,7 +63,7 @@ class StreamModel:
         """
         fmt, system = self._format, self.core.system
         with np.errstate(all="ignore"):
-            bits = {port: fmt.to_bits(inputs[port]) for port in system.input_ports}
+            bits = {port: system.input_bits(port, fmt, inputs[port]) for port in system.input_ports}
         answer = self._model.offer(bits | {"in_channel": np.asarray(channels)},
                                    np.broadcast_to(idle, np.shape(channels)), progress=progress)
         numbers = (*system.output_ports, *self._state)

@@ -4,6 +4,7 @@ from .adder import *
 from .arctangent import *
 from .base import *
 from .comparator import *
+from .converter import *
 from .divider import *
 from .extremes import *
 from .multiplier import *
