@@ -4,9 +4,15 @@ import os
 import subprocess
 import sys
 
+import pytest
+from amaranth import *
 from amaranth._toolchain.yosys import find_yosys
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
 
+from strapdown.export.backend import to_verilog
 from strapdown.export.tidy import tidy
+from strapdown_sim.drivers.toolchain import icarus_missing, run_tool
 
 FAKE = """\
 #!/bin/sh
@@ -38,3 +44,37 @@ def test_the_keyword_signed_stays():
     tidied = tidy(text)
     assert "reg signed [3:0] b_c;" in tidied
     assert "reg signed_2;" in tidied
+
+
+class Choice(wiring.Component):
+    """A combinational block."""
+
+    choose: In(1)
+    chosen: Out(4)
+
+    def elaborate(self, platform):
+        m = Module()
+        with m.Switch(self.choose):
+            with m.Case(0):
+                m.d.comb += self.chosen.eq(6)
+            with m.Default():
+                m.d.comb += self.chosen.eq(9)
+        return m
+
+
+@pytest.mark.icarus
+@pytest.mark.parametrize("language", ["2001", "2012"])
+def test_combinational_blocks_run_at_time_zero(tmp_path, language):
+    if missing := icarus_missing():
+        pytest.skip(missing)
+    # Nothing in the bench ever changes: no event but that of the file itself starts the block.
+    (tmp_path / "bench.v").write_text(to_verilog(Choice(), "top") + """
+module bench;
+  reg choose = 0;
+  wire [3:0] chosen;
+  top dut(.choose(choose), .chosen(chosen));
+  initial #1 $display("%b", chosen);
+endmodule
+""")
+    run_tool(["iverilog", f"-g{language}", "-s", "bench", "-o", tmp_path / "bench.vvp", tmp_path / "bench.v"])
+    assert run_tool(["vvp", "-n", tmp_path / "bench.vvp"]) == "0110\n"

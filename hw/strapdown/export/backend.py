@@ -22,7 +22,8 @@ def to_verilog(component, name):
     name : str
         Name of the top module.
     """
-    # No signal has this name while the text is tidied: the module ``less`` has a signal ``less``.
+    # No signal may have the module's name while the text is tidied: the module ``less`` has a signal ``less``,
+    # which is another name of a port, and is replaced by it.
     top = f"top_{name}"
     with _builtin_yosys():
         text = verilog.convert(component, name=top, emit_src=False, strip_internal_attrs=True)
