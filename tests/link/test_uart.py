@@ -13,7 +13,7 @@ from amaranth.lib.wiring import In, Out
 from click.testing import CliRunner
 
 from strapdown.cli import main
-from strapdown.cores import SINS, Top, UartLink
+from strapdown.cores import SINS, Top, UartLink, Wrapper
 from strapdown.cores.sins import DOUBLE_POOL
 from strapdown.export import write
 from strapdown.fp import BINARY16, Subnormals
@@ -304,6 +304,17 @@ def test_frame_must_fit_into_the_sample_period():
         linked(DOUBLE_POOL, sample_rate_hz=1200)
     assert linked(DOUBLE_POOL, sample_rate_hz=1130).component.sender.size == 81
     assert linked(Pool(), sample_rate_hz=1200).component.sender.size == 45
+
+
+def test_a_link_goes_around_a_wrapper_that_shows_what_it_sends():
+    parameters = {"sample_rate_hz": 50, "clock_hz": DIVISOR * BAUD, "baud_rate": BAUD}
+    engine = Engine(HALVES, Pool())
+    link = UartLink(Wrapper(engine, hidden=("in_height",)), **parameters)
+    names = [port.name for port in engine.ports if port.name != "in_height"]
+    assert [port.name for port in link.ports] == [*names, "uart_tx", "out_link_busy", "out_link_overrun"]
+    for hidden in "out_height", "out_finish", "out_status":
+        with pytest.raises(ValueError, match=r"^no type of frame holds the outputs of HALVES: 1 holds latitude, "):
+            UartLink(Wrapper(engine, hidden=(hidden,)), **parameters)
 
 
 def test_a_frame_holds_binary32_or_binary64():

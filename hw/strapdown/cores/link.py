@@ -20,7 +20,7 @@ class UartLink(Wrapper):
 
     Parameters
     ----------
-    engine : Engine
+    engine : Engine or Wrapper
         With a status port.
     sample_rate_hz : float
         Updates a second.
@@ -44,7 +44,7 @@ class UartLink(Wrapper):
 
     def __init__(self, engine, *, sample_rate_hz, clock_hz, baud_rate):
         system, format = engine.system, engine.program.format
-        self._frame_type = kind = _frame_type(system)
+        self._frame_type = kind = _frame_type(system, {port.name for port in engine.ports})
         payload_size = len(kind.quantities) * format.width // 8
         if payload_size not in kind.payload_sizes:
             raise ValueError(f"a frame holds binary32 or binary64, not {format.name}")
@@ -109,10 +109,10 @@ class UartLink(Wrapper):
         return m
 
 
-def _frame_type(system):
-    """The type of frame that holds a system's outputs, and its status."""
+def _frame_type(system, ports):
+    """The type of frame that holds the status and outputs of a system, of which these ports can be read."""
     for kind in FRAME_TYPES.values():
-        if system.status_port and {f"out_{quantity.name}" for quantity in kind.quantities} <= {*system.output_ports}:
+        if {system.finish, system.status_port, *(f"out_{quantity.name}" for quantity in kind.quantities)} <= ports:
             return kind
     kinds = "; ".join(f"{kind.number} holds {', '.join(quantity.name for quantity in kind.quantities)}"
                       for kind in FRAME_TYPES.values())
@@ -125,6 +125,8 @@ def uart_core(config, *, clock_hz, baud_rate):
     Raises: ValueError, as UartLink.
     """
     module = main_module(config)
-    _frame_type(system_of(module, config))  # before the time to schedule it is spent
+    system = system_of(module, config)
+    # Checked here too: a schedule takes seconds.
+    _frame_type(system, {*system.output_ports, system.finish, system.status_port})
     engine = make_core(module, config).engine
     return Top(UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate))

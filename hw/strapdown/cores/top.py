@@ -27,30 +27,29 @@ def through(outer, inner, names):
 
 
 class Wrapper(Described):
-    """An engine in a module with more, or other, ports; with the engine's ports alone if nothing else is said.
+    """An engine inside a module, with added or hidden ports; by itself, with exactly the engine's ports.
 
-    A wrapper works in the clock domain ``sync``. One of its own kind extends ``elaborate``, which
-    gives the Module that holds the engine, and says of itself what differs from the engine:
-    ``sections`` and ``facts``, if its header is to tell more.
+    A wrapper works in the clock domain ``sync``. A subclass extends ``elaborate``, which returns the
+    Module that holds the engine as ``m.submodules.engine``. It may also extend ``sections`` and ``facts``,
+    which become parts of the header and of the JSON file.
 
     Parameters
     ----------
-    engine : wiring.Component
-        An engine or another wrapper: something with ``name``, ``title``, ``system``, ``ports``, ``latency``,
-        ``equations``, ``sections`` and ``facts``, in the clock domain ``sync``.
+    engine : Engine, StreamEngine or Wrapper
+        In the clock domain ``sync``.
     name, title : str or None
         Name of the Verilog module, and one line on what it does; None means the engine's.
     added : tuple of Port
         Ports that follow those of the engine.
     hidden : tuple of str
-        Ports of the engine that end here. An input stays at zero, if nothing drives it.
+        Ports of the engine that are not ports of the wrapper. A hidden input is zero unless the subclass drives it.
 
     Members
     -------
-    The engine's but ``hidden``, and ``added``.
+    The engine's without ``hidden``, and ``added``.
 
     Latency: the engine's.
-    Raises: ValueError if the engine does not have a port that is to be hidden.
+    Raises: ValueError if ``hidden`` names a port that the engine does not have.
     """
 
     def __init__(self, engine, *, name=None, title=None, added=(), hidden=()):
@@ -64,7 +63,7 @@ class Wrapper(Described):
 
     @property
     def engine(self):
-        """What is wrapped."""
+        """The engine, or the wrapper, inside."""
         return self._engine
 
     @property
@@ -81,6 +80,11 @@ class Wrapper(Described):
     def system(self):
         """Equations and interface of the engine."""
         return self._engine.system
+
+    @property
+    def program(self):
+        """Microprogram of the engine."""
+        return self._engine.program
 
     @property
     def ports(self):
@@ -149,15 +153,15 @@ CORE_CONTROL = Control(CLOCK, Port("rst_n", In, 1, "reset, active low, asynchron
 
 
 class Top(Described):
-    """A component as a Verilog module of its own: its ports, clock and reset.
+    """A component as a top-level Verilog module: the only place that adds clock, reset and the clock domain.
 
-    A top has no logic and no level of hierarchy: it is the component's own module, whose ports
-    are the top's, with its clock domain.
+    A top adds no level of hierarchy. It is the component's own module, and the component's ports are its ports.
 
     Parameters
     ----------
     component : wiring.Component
-        A Wrapper, or what else has its attributes, in the clock domain ``sync``.
+        A component in the clock domain ``sync`` that describes itself: a Wrapper, or another one with the
+        properties ``name``, ``title``, ``ports``, ``latency``, ``equations``, ``sections`` and ``facts``.
     control : Control
         Ports of clock and reset.
 
