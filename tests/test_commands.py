@@ -1,0 +1,283 @@
+"""Every command in README and docs runs as it stands there.
+
+A command is found in a fenced block of ``sh`` or between backquotes. Each must match a rule below, which says how it
+is run: a new command that matches none fails, and so does a rule that matches nothing.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from strapdown.cli import main
+from strapdown.link import NAVIGATION, FrameSender
+from strapdown_lab.checkout import ROOT
+from strapdown_lab.proof import mutation
+from strapdown_lab.proof.__main__ import main as proof
+from strapdown_lab.proof.solver import Outcome
+
+PROGRAMS = r"(?:make|strapdown|pip|python -m \S+|scripts/\S+\.(?:py|sh))"
+
+
+def commands():
+    """Command to the documents that have it."""
+    found: dict[str, list[str]] = {}
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
+        text = page.read_text(encoding="utf-8")
+        blocks = re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+        lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+        inline = re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL))
+        for line in [*lines, *(part for part in inline if re.match(rf"{PROGRAMS}(?: |$)", part))]:
+            command = " ".join(line.partition("  #")[0].split())
+            if command and not command.startswith("#"):
+                found.setdefault(command, []).append(page.name)
+    return found
+
+
+# What a command finds where it runs.
+
+FLIGHT = "Time (s)," + ",".join(f"{sensor} {axis} ({unit})" for sensor, unit in (
+    ("Gyroscope", "deg/s"), ("Accelerometer", "g"), ("Magnetometer", "uT")) for axis in "XYZ")
+
+
+def recording():
+    """A CSV file of a level sensor at rest, 60 samples at 100 Hz."""
+    rows = [f"{k / 100:.3f},0.1,-0.2,0,0.01,0,1,20,0,-40" for k in range(60)]
+    return "\n".join([FLIGHT, *rows]) + "\n"
+
+
+def frames():
+    """Bytes as the serial link sends them."""
+    sender = FrameSender(NAVIGATION.number, 36, clock_hz=1e8, baud_rate=921_600)
+    return b"".join(sender.compute(counter, 0, np.arange(9, dtype="<f4").tobytes()) for counter in range(5))
+
+
+def own_file():
+    """The example of docs/kernels.md, if it is there, else a configuration of the catalogue under its name."""
+    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "kernels.md").read_text(encoding="utf-8"),
+                        re.MULTILINE | re.DOTALL)
+    example = [block for block in blocks if re.search(r"^COMPASS = ", block, re.MULTILINE)]
+    return example[0] if example else "from strapdown.cores import QUATERNION_J2\n\nCOMPASS = QUATERNION_J2\n"
+
+
+class TwinModel:
+    """The twin in place of the Verilated circuit: other tests compare the two, here it is about the command."""
+
+    def __init__(self, core, verilog, build):
+        assert Path(verilog).exists()
+        self.core = core
+
+    def update(self, inputs, *, progress):
+        system = self.core.system
+        result, _ = system.run(self.core.engine.program.schedule.pool, inputs)
+        count = len(next(iter(inputs.values())))
+        progress(count)
+        return result | {"cycles": np.full(count, self.core.latency), system.status_port: np.zeros(count, dtype=int)}
+
+    def differing_bits(self, inputs, result):
+        return 0
+
+
+@dataclass
+class Place:
+    """Where a command runs, and what stands in for what takes minutes."""
+
+    folder: Path
+    monkeypatch: pytest.MonkeyPatch
+
+    def invoke(self, program, arguments):
+        """Run a click program in this process; returns its output."""
+        self.monkeypatch.chdir(self.folder)
+        result = CliRunner().invoke(program, arguments, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    def stand_in(self, target, value):
+        self.monkeypatch.setattr(target, value)
+
+
+# Rules. Each takes the command's words and a Place.
+
+def strapdown(words, place):
+    """Run the command itself."""
+    (place.folder / "flight.csv").write_text(recording())
+    (place.folder / "recorded.bin").write_bytes(frames())
+    (place.folder / "my_core.py").write_text(own_file())
+    place.stand_in("strapdown_sim.replay.CoreModel", TwinModel)
+    # Most of the time would go into the Verilog, which other tests make and compare.
+    place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
+    return place.invoke(main, words[1:])
+
+
+def named(words, place):
+    """Only the name of a command stands there: it has a help text."""
+    assert place.invoke(main, [*words[1:], "--help"]).startswith("Usage:")
+
+
+def with_names(words, place):
+    """Words in capitals stand for names."""
+    names = {"DIR": "folder", "NAME": "mahony", "RECORDING": "flight.csv"}
+    strapdown([names.get(word, word) for word in words], place)
+
+
+def serial(words, place):
+    """A recorded stream in place of the serial port, for which there is no display either."""
+    words = [word for word in words if word != "--live"]
+    port = words.index("/dev/ttyUSB0")
+    place.stand_in("strapdown_sim.monitor._read_serial", lambda port, rate: (data for data in [frames()]))
+    output = strapdown([*words[:port], "recorded.bin", *words[port + 1:]], place)
+    assert "5" in output
+
+
+def report(words, place):
+    """The tools' answers are made up; circuits are made, but not simulated."""
+    cost = {"lut": 1, "memory_lut": 0, "ff": 1, "dsp": 0, "bram": 0}
+    placed = {"lut": 1, "ff": 1, "multiplier": 0, "ebr": 0, "fmax_mhz": 80.0, "fmax_mhz_of_seeds": [80.0],
+              "critical": ["a", "b"]}
+    place.stand_in("strapdown_lab.report.measure._xc7", lambda design, cache: cost)
+    place.stand_in("strapdown_lab.report.measure._ecp5", lambda design, cache: placed)
+    place.stand_in("strapdown_lab.report.measure.tool_versions", lambda *packages: dict.fromkeys(packages, "1"))
+    place.stand_in("strapdown_lab.report.measure.simulated_cycles",
+                   lambda core, path, build: (core.latency, getattr(core.engine, "interval", core.latency)))
+    for module in "strapdown.export.verilog", "strapdown_lab.report.measure":
+        place.stand_in(f"{module}.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
+    place.invoke(main, words[1:])
+    assert (place.folder / "build" / "report" / "report.md").exists()
+
+
+def accuracy(words, place):
+    """No recording: it says so in one line. The filters have tests of their own."""
+    place.monkeypatch.chdir(place.folder)
+    place.stand_in("strapdown_lab.studies.accuracy.version", lambda package: "1")
+    (place.folder / "recordings").mkdir()
+    words = ["recordings" if word.endswith("recordings") else word for word in words]
+    result = CliRunner().invoke(main, words[1:])
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1] == "strapdown: recordings has no .npz recording with a reference orientation"
+
+
+def proofs(words, place):
+    """Proofs, exhaustive runs and faults are chosen, but not run: that takes hours, and tests run some."""
+    asked = []
+
+    def prove(props, build, **options):
+        asked.extend(props)
+        return [Outcome(True, True, 0.0, "") for _ in props]
+
+    def judge(mutants, root, **options):
+        asked.extend(mutants)
+        return [mutation.Verdict(mutant, True, "") for mutant in mutants]
+
+    def check(names, part, jobs, root):
+        asked.extend(names)
+        return []
+
+    place.stand_in("strapdown_lab.proof.formal.run", prove)
+    place.stand_in("strapdown_lab.proof.mutation.run", judge)
+    place.stand_in("strapdown_lab.proof.exhaustive.check", check)
+    place.invoke(proof, words)
+    assert asked
+
+
+def make(words, place):
+    """Make says what it would do; the project's own commands among that are run as their rules say."""
+    done = subprocess.run(["make", "--dry-run", "--always-make", *words[1:]], cwd=ROOT, capture_output=True, text=True,
+                          check=False, env={key: value for key, value in os.environ.items() if key != "MAKEFLAGS"})
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.replace("\\\n", " ").splitlines()
+    own = [line for line in lines if re.match(r"\.venv/bin/(?:strapdown|python -m strapdown)", line)]
+    assert bool(own) == (words[1] in OWN)
+    for index, line in enumerate(own):
+        folder = place.folder / str(index)
+        folder.mkdir()
+        recipe(shlex.split(line), Place(folder, place.monkeypatch))
+
+
+def recipe(words, place):
+    """A line of the Makefile that calls a command of the project."""
+    match [Path(words[0]).name, *words[1:]]:
+        case ["strapdown", "replay", _, *rest]:
+            strapdown(["strapdown", "replay", "flight.csv", *rest], place)
+        case ["strapdown", "report", *rest]:
+            # All that can be reported takes minutes even so.
+            report(["strapdown", "report", "--only", "add", "--config", "quaternion_j2", *rest], place)
+        case ["strapdown", "accuracy", *rest]:
+            accuracy(["strapdown", "accuracy", *rest], place)
+        case ["strapdown", *rest]:
+            strapdown(["strapdown", *rest], place)
+        case ["python", "-m", "strapdown_lab.proof", "document"]:
+            # The text is compared in tests/lab/proof/test_document.py.
+            assert place.invoke(proof, ["document", "--help"]).startswith("Usage:")
+        case ["python", "-m", "strapdown_lab.proof", *rest]:
+            proofs(rest, place)
+        case ["python", "-m", "strapdown_lab.docs"]:
+            # What it writes is compared in tests/test_readme.py and tests/lab.
+            pass
+        case other:
+            raise AssertionError(f"no rule for {other}")
+
+
+OWN = {"demo", "verilog", "report", "formal", "exhaustive", "mutants", "accuracy", "docs"}
+"""Targets whose recipes call commands of the project; others call tools, which `make -n` shows."""
+
+RULES = {
+    r"make help": lambda words, place: subprocess.run(words, cwd=ROOT, check=True, capture_output=True),
+    r"make \w+.*": make,
+    r"strapdown(?: \w+)?": named,
+    r"strapdown monitor /dev/ttyUSB0 .*": serial,
+    r"strapdown monitor .*": strapdown,
+    r"strapdown report .*": report,
+    r"strapdown (?:operators DIR|replay RECORDING .*)": with_names,
+    r"strapdown (?:generate|replay|explain|schedule|design|link|operators) .*": strapdown,
+    r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
+    r"scripts/\S+\.py": lambda words, place: (ROOT / words[0]).read_text(encoding="utf-8"),
+    # A test builds the wheel and installs it: tests/test_package.py.
+    r"pip install(?: 'strapdown\[\w+\]')?": lambda words, place: None,
+}
+"""Pattern of whole commands to the function that runs them; the first that matches counts."""
+
+
+def rule_of(command):
+    return next((pattern for pattern in RULES if re.fullmatch(pattern, command)), None)
+
+
+def test_every_command_has_a_rule_and_every_rule_a_command():
+    used = {command: rule_of(command) for command in commands()}
+    assert [command for command, pattern in used.items() if pattern is None] == []
+    assert set(RULES) == set(used.values())
+
+
+def test_commands_are_found():
+    found = commands()
+    assert found.keys() >= {"make demo", "strapdown explain INS_top --cycle 100", "strapdown monitor"}
+    assert "README.md" in found["make test"]
+
+
+@cache
+def targets():
+    """Targets of the Makefile, with what they say of themselves."""
+    return dict(re.findall(r"^([a-z]+):.*## (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+def test_every_target_is_explained():
+    """`make help` lists the targets that documents name."""
+    named = {command.split()[1] for command in commands() if command.startswith("make ")}
+    assert named <= {*targets(), "help"}
+
+
+@pytest.mark.parametrize("command", commands())
+def test_command(command, tmp_path, monkeypatch):
+    rule = rule_of(command)
+    if rule is None:
+        pytest.fail(f"no rule runs {command!r}, in {', '.join(commands()[command])}")
+    if command.startswith("make ") and shutil.which("make") is None:
+        pytest.skip("make is not installed.")
+    RULES[rule](shlex.split(command), Place(tmp_path, monkeypatch))
