@@ -68,7 +68,7 @@ class Variants:
     formats: Sequence[tuple]
     choices: Mapping[str, Iterable[Any]] = field(default_factory=dict)
 
-    def of(self, component) -> Iterator[tuple[tuple, dict[str, Any]]]:
+    def of(self, component: Any) -> Iterator[tuple[tuple, dict[str, Any]]]:
         """Positional and keyword parameters of each variant of a class."""
         for formats in self.formats:
             choices: Mapping[str, Iterable[Any]] = self.choices

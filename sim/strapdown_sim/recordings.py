@@ -6,6 +6,7 @@ described in ``docs/recordings.md``.
 """
 
 import csv
+import os
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -109,7 +110,8 @@ class Recording:
     reference: Reference | None
 
 
-def read_recording(path, *, sample_rate_hz=None, reference=None):
+def read_recording(path: str | os.PathLike, *, sample_rate_hz: float | None = None,
+                   reference: str | os.PathLike | None = None) -> Recording:
     """Read a recording and check it.
 
     Parameters

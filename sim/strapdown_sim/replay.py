@@ -2,13 +2,14 @@
 
 import csv
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from strapdown.config import ConfigError
+from strapdown.config import Config, ConfigError
 from strapdown.cores import main_module, make_core, system_of
 from strapdown.export import write_core
 
@@ -24,6 +25,7 @@ from .errors import (
     rotation_angle,
 )
 from .picture import attitude_picture, outputs_picture
+from .recordings import Recording
 from .reference.attitude import ComplementaryFilter, euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS, FlightFilter
 
@@ -70,7 +72,8 @@ The reference has ``run(accel, mag, gyro_deg_s)``; the configuration has ``frame
 """
 
 
-def replay(recording, config, directory, *, build, command, progress=None):
+def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
+           command: str, progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run a recording through the main module of a configuration in Verilator, from reset, and write what came out.
 
     The core is generated for the recording's sample rate. Its inputs ``a`` (m/s^2), ``m`` (uT) and ``g``

@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+from strapdown.config import Config
 from strapdown.kernel.stream import StreamEngine
+from strapdown.kernel.system import System
 
 from .attitude import MAHONY, THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8
 from .core import Core
@@ -29,7 +31,7 @@ def main_module(config):
     return modules_of(config)[-1]
 
 
-def system_of(module, config):
+def system_of(module: str, config: Config) -> System:
     """Equations and interface of a module. Raises: ValueError if the configuration has no such module."""
     if module not in (modules := modules_of(config)):
         raise ValueError(f"configuration {config.name} has {', '.join(modules)}, not {module}")
@@ -40,7 +42,7 @@ def system_of(module, config):
     return replace(system, name=module, title=f"{system.title}, {config.channels} channels")
 
 
-def make_core(module, config):
+def make_core(module: str, config: Config) -> Core:
     """A Core, scheduled and ready to be elaborated. Raises: as ``system_of``."""
     system = system_of(module, config)
     if config.channels == 1:

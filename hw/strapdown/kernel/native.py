@@ -4,10 +4,14 @@ import ctypes
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .pool import Pool
+from .system import System
 from .trace import Node
 
 __all__ = ["NativeError", "NativeTwin"]
@@ -140,7 +144,7 @@ class NativeTwin:
     multiply, select and sqrt), for another format, and if the C compiler ``cc`` is missing or fails.
     """
 
-    def __init__(self, system, pool):
+    def __init__(self, system: System, pool: Pool) -> None:
         fmt = pool.format
         if fmt.width not in C_TYPES or not fmt.is_native:
             raise NativeError(f"compiled kernels have the format binary32 or binary64, not {fmt.name}")
@@ -161,7 +165,8 @@ class NativeTwin:
                 raise NativeError(f"cc failed with status {done.returncode}: {done.stderr.strip()[-1000:]}")
             self._run = ctypes.CDLL(str(library)).run
 
-    def run(self, inputs, state=None):
+    def run(self, inputs: Mapping[str, ArrayLike],
+            state: Mapping[str, ArrayLike] | None = None) -> tuple[dict, dict]:
         """Updates in order, each from the state that the update before it left.
 
         Parameters

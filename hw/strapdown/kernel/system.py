@@ -1,13 +1,15 @@
 """A system: equations with names for what goes in, what is kept and what comes out."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .numeric import Float64, Twin
 from .operators import integer_bits
+from .pool import Pool
 from .trace import Tracer
 
 __all__ = ["System", "leaves", "matrix", "vector"]
@@ -272,7 +274,8 @@ class System:
             update["refused"] = ~finite
         return update
 
-    def run(self, pool, inputs, state=None):
+    def run(self, pool: Pool, inputs: Mapping[str, ArrayLike],
+            state: Mapping[str, ArrayLike] | None = None) -> tuple[dict, dict]:
         """Updates of the twin in order, one a sample, each from the state that the update before it left.
 
         Parameters

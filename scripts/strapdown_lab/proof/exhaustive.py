@@ -59,7 +59,7 @@ class Lanes(wiring.Component):
         """Names of the results' ports."""
         return tuple(f"result_{lane}" for lane in range(self.COUNT))
 
-    def elaborate(self: Any, platform):
+    def elaborate(self: Any, platform: object) -> Module:
         m = Module()
         for lane, (op, operand, result) in enumerate(zip(self._copies, self.operands, self.results, strict=True)):
             m.submodules[f"lane_{lane}"] = op

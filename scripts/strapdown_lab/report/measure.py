@@ -2,8 +2,11 @@
 
 import hashlib
 import re
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
 
 from strapdown.export import verilog_text, write_core
 from strapdown.export.backend import to_verilog
@@ -12,12 +15,14 @@ from strapdown_lab.synthesis import (
     ECP5_OPTIONS,
     ECP5_SEEDS,
     XC7_OPTIONS,
+    Cache,
     place_ecp5,
     synthesise_xc7,
     tool_versions,
 )
 
-from .cores import simulated_cycles
+from .cores import CoreEntry, simulated_cycles
+from .operators import MeasuredOperator
 
 __all__ = ["Design", "core_circuit", "core_design", "digest", "measure", "operator_design", "provenance"]
 
@@ -32,7 +37,7 @@ class Design:
     placed: bool = True
 
 
-def operator_design(entry):
+def operator_design(entry: MeasuredOperator) -> Design:
     """Design of a ``MeasuredOperator``."""
     operator = entry.make()
     top = entry.component.__name__
@@ -51,7 +56,7 @@ def core_circuit(core, config):
     return re.sub(r"^//.*\n", "", verilog_text(core, config), flags=re.MULTILINE)
 
 
-def core_design(entry, build):
+def core_design(entry: CoreEntry, build: Path) -> Design:
     """Design of a ``CoreEntry``, its cycles counted by the core and in a simulation.
 
     Raises: RuntimeError if they differ.
@@ -84,7 +89,8 @@ def provenance(*, place):
     }
 
 
-def measure(designs, cache, *, place=True, progress=None):
+def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True,
+            progress: Callable[[], object] | None = None) -> list[dict[str, Any]]:
     """Facts of designs and what they cost, in the same order, as a list of dicts of JSON values.
 
     Parameters

@@ -1,12 +1,14 @@
 """Attitude filters side by side on real recordings: this project's and published ones."""
 
 import json
+import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -123,7 +125,8 @@ def _scored(path, name):
     return {figure: rms(getattr(errors, figure)) for figure in FIGURES}
 
 
-def measure(folder, *, progress=None):
+def measure(folder: str | os.PathLike, *,
+            progress: Callable[[int, int], object] | None = None) -> dict[str, Any]:
     """Run every filter over every recording of a folder that has a reference orientation.
 
     Parameters
@@ -183,7 +186,7 @@ def _line(title, values):
     return f"| {title} | " + " | ".join(cells) + " |"
 
 
-def write_accuracy(result, directory):
+def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path:
     """Write ``accuracy.json``, ``accuracy.md`` and ``accuracy.png``; returns the path of the second."""
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)

@@ -73,6 +73,7 @@ def quadrotor_legs(path, duration_s, every_s=5.0):
     window = first[None, :] + np.arange(count)[:, None]
     gyro = np.radians(recording.gyro_deg_s) - bias
     reference = recording.reference
+    assert reference is not None, "such a recording has the drone's own attitude"
     q = np.stack([np.interp(clock[starts], reference.time_s, x) for x in _continuous(reference.quaternion).T], -1)
     c_s2n = matrix_from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True)).swapaxes(-1, -2)
     track = position[starts[:, None] + points]

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 __all__ = ["Cache"]
@@ -17,10 +18,10 @@ class Cache:
         The folder; it is made when the first result is.
     """
 
-    def __init__(self, directory):
+    def __init__(self, directory: str | os.PathLike) -> None:
         self._directory = Path(directory)
 
-    def file(self, inputs, suffix, make):
+    def file(self, inputs: dict, suffix: str, make: Callable[[Path], object]) -> Path:
         """Path of a result, made first if it is not there.
 
         Parameters

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from .cache import Cache
 from .tools import run_nextpnr_ecp5, run_yosys, tool_versions
 
 __all__ = ["ECP5_OPTIONS", "ECP5_SEEDS", "Ecp5Placement", "place_ecp5"]
@@ -63,7 +64,7 @@ class Ecp5Placement:
         return statistics.median(self.fmax_mhz)
 
 
-def place_ecp5(verilog, top, cache, *, clock="clk"):
+def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk") -> Ecp5Placement:
     """Synthesise, place and route a module, once for each of ``ECP5_SEEDS``.
 
     Parameters

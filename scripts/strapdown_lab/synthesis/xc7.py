@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from .cache import Cache
 from .tools import run_yosys, tool_versions
 
 __all__ = ["XC7_OPTIONS", "Xc7Resources", "synthesise_xc7"]
@@ -65,7 +66,7 @@ class Xc7Resources:
                    dsp=cells.get("DSP48E1", 0), bram=total(_BLOCK_RAMS))
 
 
-def synthesise_xc7(verilog, top, cache):
+def synthesise_xc7(verilog: str, top: str, cache: Cache) -> Xc7Resources:
     """Resources of a module, by ``synth_xilinx``.
 
     Parameters

@@ -1,6 +1,12 @@
 """A core in Verilator: updates on float arrays, with the state looked at from inside."""
 
+import os
+from collections.abc import Callable, Mapping
+
 import numpy as np
+from numpy.typing import ArrayLike
+
+from strapdown.cores import Core
 
 from .verilated import Interface, VerilatedModel
 
@@ -20,7 +26,7 @@ class CoreModel:
         Folder for compiled models.
     """
 
-    def __init__(self, core, verilog, build):
+    def __init__(self, core: Core, verilog: str | os.PathLike, build: str | os.PathLike) -> None:
         self.core = core
         system, program = core.system, core.engine.program
         self._format = program.format
@@ -34,7 +40,8 @@ class CoreModel:
         self._model = VerilatedModel(verilog, Interface(
             system.name, system.input_ports, outputs, start=system.start, finish=system.finish, probes=probes), build)
 
-    def update(self, inputs, *, progress=None):
+    def update(self, inputs: Mapping[str, ArrayLike], *,
+               progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One update per sample, in order, from reset.
 
         Parameters
@@ -64,7 +71,7 @@ class CoreModel:
             result[word] = fmt.from_bits(stored.astype(fmt.bits_dtype))
         return result
 
-    def differing_bits(self, inputs, result):
+    def differing_bits(self, inputs: Mapping[str, ArrayLike], result: Mapping[str, np.ndarray]) -> int:
         """How many bits of ``result``, as ``update`` gave it, differ from the software twin.
 
         Each update is computed again by the twin from the state that the circuit held before

@@ -1,6 +1,12 @@
 """A core for several channels in Verilator: samples with a channel in, results with a channel out."""
 
+import os
+from collections.abc import Callable, Mapping, Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
+
+from strapdown.cores import Core
 
 from .verilated import Interface, VerilatedModel
 
@@ -23,7 +29,7 @@ class StreamModel:
         Folder for compiled models.
     """
 
-    def __init__(self, core, verilog, build):
+    def __init__(self, core: Core, verilog: str | os.PathLike, build: str | os.PathLike) -> None:
         self.core = core
         system, program = core.system, core.engine.program
         self._format = program.format
@@ -40,7 +46,8 @@ class StreamModel:
             system.name, (*system.input_ports, "in_channel"), (*system.output_ports, "out_channel", system.status_port),
             start=system.start, finish=system.finish, ready="in_ready", probes=probes), build)
 
-    def update(self, channels, inputs, idle=0, *, progress=None):
+    def update(self, channels: ArrayLike, inputs: Mapping[str, ArrayLike], idle: ArrayLike = 0, *,
+               progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One update a sample, in order, from reset; each is offered until it is taken.
 
         Parameters
@@ -72,7 +79,8 @@ class StreamModel:
         return {name: fmt.from_bits(values.astype(fmt.bits_dtype)) if name in numbers else values.astype(int)
                 for name, values in answer.items()}
 
-    def differing_bits(self, inputs, result, resets=()):
+    def differing_bits(self, inputs: Mapping[str, ArrayLike], result: Mapping[str, np.ndarray],
+                       resets: Sequence[int] = ()) -> int:
         """How many bits of ``result``, as ``update`` gave it, differ from the software twin.
 
         Each update is computed again by the twin from the state that the circuit held of that channel after

@@ -6,12 +6,14 @@ import os
 import shutil
 import subprocess
 import threading
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .toolchain import compile_flags, run_tool, verilator_environment, verilator_root, verilator_runtime
 
@@ -89,7 +91,7 @@ class VerilatedModel:
     # More flags of g++.
     FLAGS: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, verilog, interface, build):
+    def __init__(self, verilog: str | os.PathLike, interface: Interface, build: str | os.PathLike) -> None:
         self.interface = interface
         build = Path(build).resolve()
         driver = self.DRIVER.read_text()
@@ -133,7 +135,8 @@ class VerilatedModel:
         shutil.rmtree(directory, ignore_errors=True)
         partial.rename(directory)
 
-    def stream(self, stimulus, *, progress=None):
+    def stream(self, stimulus: Mapping[str, ArrayLike], *,
+               progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One row a clock cycle.
 
         Parameters
@@ -150,7 +153,8 @@ class VerilatedModel:
         """
         return self._run(["stream"], stimulus, self.interface.outputs, progress)
 
-    def transact(self, stimulus, *, limit=10_000, progress=None):
+    def transact(self, stimulus: Mapping[str, ArrayLike], *, limit: int = 10_000,
+                 progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One row a transaction: start for one cycle, wait for finish, at most ``limit`` cycles.
 
         Inputs are inverted right after the edge that takes them. The answer has a key per output
@@ -165,7 +169,8 @@ class VerilatedModel:
                                f"in transaction {late[0]}")
         return answer
 
-    def offer(self, stimulus, idle, *, limit=10_000, progress=None):
+    def offer(self, stimulus: Mapping[str, ArrayLike], idle: ArrayLike, *, limit: int = 10_000,
+              progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One row a sample, offered until it is taken, while others are under way.
 
         Parameters
