@@ -26,10 +26,11 @@ from .errors import (
 )
 from .picture import attitude_picture, outputs_picture
 from .recordings import Recording
-from .reference.attitude import ComplementaryFilter, euler_angles, matrix_from_quaternion
-from .reference.flight import FRAME_QUATERNIONS, FlightFilter
+from .reference.attitude import euler_angles, matrix_from_quaternion
+from .reference.flight import FRAME_QUATERNIONS
+from .truth import REFERENCES
 
-__all__ = ["REFERENCES", "Replay", "complementary_filter", "flight_filter", "replay"]
+__all__ = ["Replay", "replay"]
 
 
 @dataclass(frozen=True)
@@ -52,24 +53,6 @@ class Replay:
     summary: dict
     quaternion: np.ndarray | None = None
     angles: np.ndarray | None = None
-
-
-def complementary_filter(config):
-    """The float64 reference of INS_top in an AttitudeConfig."""
-    return ComplementaryFilter(kp=config.kp, ki=config.ki, period_s=config.period_s, mag_axes=config.magnetometer_axes)
-
-
-def flight_filter(config):
-    """The float64 reference of INS_flight in a FlightConfig."""
-    return FlightFilter(period_s=config.period_s, frame=config.frame, axes=config.axes,
-                        magnetometer=config.magnetometer, **config.parameters._asdict())
-
-
-REFERENCES: dict[str, Callable] = {"INS_top": complementary_filter, "INS_flight": flight_filter}
-"""Module to the function that makes its float64 reference for a configuration.
-
-The reference has ``run(accel, mag, gyro_deg_s)``; the configuration has ``frame``, the navigation frame.
-"""
 
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
@@ -148,7 +131,7 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
             recording.accel, mag, recording.gyro_deg_s), directory, title, summary)
     else:
-        found = _outputs(recording, system, result, system.run_float64(inputs), directory, title, summary)
+        found = _outputs(recording, system, result, system.run_float64(inputs)[0], directory, title, summary)
     (directory / "summary.json").write_text(json.dumps(found.summary, indent=2) + "\n", encoding="utf-8")
     progress("compare", 2, 2)
     return found

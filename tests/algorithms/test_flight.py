@@ -9,7 +9,7 @@ from strapdown.cores.flight import ins_flight
 from strapdown.kernel.numeric import Float64
 from strapdown_sim.errors import rotation_angle
 from strapdown_sim.reference.flight import STATUS
-from strapdown_sim.replay import flight_filter
+from strapdown_sim.truth import flight_filter
 
 RATE_HZ = 100
 
@@ -30,19 +30,13 @@ def samples(seconds, seed=5):
     return accel, mag, gyro
 
 
-def run_kernel(config, accel, mag, gyro, extra=None):
-    """The kernel in float64, update by update: outputs and status by name, shape (N,)."""
+def run_kernel(config, accel, mag, gyro, **more):
+    """The kernel in float64, update by update: outputs and status by name, shape (N, ...)."""
     system = ins_flight(config)
-    ports = {port: column for name, vectors in (("acc", accel), ("mag", mag), ("gyro", gyro))
-             for port, column in zip((f"in_{name}{axis}" for axis in "xyz"), vectors.T, strict=True)}
-    ports = {port: values for port, values in (ports | (extra or {})).items() if port in system.input_ports}
-    state, rows = dict(system.reset), []
+    values = {"a": accel, "m": mag, "g": gyro} | more
     with np.errstate(all="ignore"):
-        for sample in zip(*ports.values(), strict=True):
-            update = system.update_float64(dict(zip(ports, sample, strict=True)), state)
-            state = {word: update[word] for word in state}
-            rows.append(update)
-    return {name: np.array([row[name] for row in rows]) for name in (*system.output_ports, *system.status)}
+        result, _ = system.run_float64(system.bind(**{name: values[name] for name in system.inputs}))
+    return system.read(result) | {name: result[name] for name in system.status}
 
 
 def compare(kernel, truth):
@@ -51,14 +45,10 @@ def compare(kernel, truth):
     The field's reference learns by x - x²/2 where the exact weight is 1 - exp(-x): x²/6 = 1e-3 of it at
     most in the ramp. A turn is short by 2/15·y⁵, 1e-9 rad at 2° a sample.
     """
-    q = np.stack([kernel[f"out_q{k}"] for k in range(4)], axis=-1)
-    assert rotation_angle(q, truth.q_b2n).max() < 1e-3
-    c = np.stack([kernel[f"out_c{row}{column}"] for row in "123" for column in "123"], axis=-1)
-    assert np.abs(c.reshape(-1, 3, 3) - truth.c_n2b).max() < 2e-5
-    for name in "bias", "earth", "linear":
-        expected = truth.bias_deg_s if name == "bias" else getattr(truth, name)
-        got = np.stack([kernel[f"out_{name}{axis}"] for axis in "xyz"], axis=-1)
-        assert np.abs(got - expected).max() <= 2e-5 * max(np.abs(expected).max(), 1)
+    assert rotation_angle(kernel["q"], truth.q_b2n).max() < 1e-3
+    assert np.abs(kernel["c"] - truth.c_n2b).max() < 2e-5
+    for name, expected in ("bias", truth.bias_deg_s), ("earth", truth.earth), ("linear", truth.linear):
+        assert np.abs(kernel[name] - expected).max() <= 2e-5 * max(np.abs(expected).max(), 1)
     for name in STATUS[:-1]:
         if name in kernel:
             # A threshold may be met one sample earlier or later.
@@ -85,7 +75,7 @@ def test_turned_magnetometer_that_is_slower():
     config = FLIGHT.replace(sample_rate_hz=RATE_HZ, magnetometer_axes="+y,-x,+z", mag_valid_input="true")
     accel, mag, gyro = samples(8)
     valid = np.arange(len(mag)) % 7 == 3
-    compare(run_kernel(config, accel, mag, gyro, {"in_mag_valid": valid.astype(float)}),
+    compare(run_kernel(config, accel, mag, gyro, mag_valid=valid.astype(float)),
             flight_filter(config).run(accel, mag, gyro, mag_valid=valid))
 
 
@@ -95,19 +85,17 @@ def test_period_and_gains_as_inputs():
     config = FLIGHT.replace(sample_rate_hz=RATE_HZ, period_input=True, inputs=names)
     accel, mag, gyro = samples(8)
     period = np.random.default_rng(1).uniform(0.004, 0.016, len(accel))
-    extra = {"in_period": period} | {f"in_{name}": np.full(len(accel), getattr(config, name)) for name in names}
-    kernel = run_kernel(config, accel, mag, gyro, extra)
+    kernel = run_kernel(config, accel, mag, gyro, **config.constant_inputs() | {"period": period})
     truth = flight_filter(config).run(accel, mag, gyro, period_s=period)
-    q = np.stack([kernel[f"out_q{k}"] for k in range(4)], axis=-1)
     # Weights are short by less than x²/6 of themselves, x = 0.032 s/0.5 s at most: 7e-4 of some degrees.
-    assert rotation_angle(q, truth.q_b2n).max() < 5e-3
+    assert rotation_angle(kernel["q"], truth.q_b2n).max() < 5e-3
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, 1e30, 0.1, 1e-12])
 def test_any_period_is_survived(period):
     config = FLIGHT.replace(period_input=True)
     accel, mag, gyro = samples(1)
-    kernel = run_kernel(config, accel, mag, gyro, {"in_period": np.full(len(accel), period)})
+    kernel = run_kernel(config, accel, mag, gyro, period=period)
     assert all(np.isfinite(values).all() for values in kernel.values())
     assert kernel["range_exceeded"].all() == (period in (-1.0, 1e30))
 

@@ -56,14 +56,12 @@ def test_polynomial(order):
 def test_the_twin_is_near_the_exact_rotation(config):
     e, omega = (config.pool.format.array(x) for x in samples(5000, config.rate_max_deg_s))
     system = quat_direct(config)
-    inputs = dict(zip(("in_p", "in_q", "in_r"), omega, strict=True)) | dict.fromkeys(
-        ("in_load_en", "in_e0", "in_e1", "in_e2", "in_e3"), np.zeros(5000))
-    twin = system.update_twin(config.pool, inputs, dict(zip(("e0", "e1", "e2", "e3"), e, strict=True)))
-    q = np.stack([twin[f"out_e{k}"].astype(float) for k in range(4)])
+    inputs = system.bind(omega=omega.T, load=0.0, start=np.zeros(4))
+    q = system.read(system.update_twin(config.pool, inputs, system.bind_state(e=e.T)))["e"].astype(float)
     truth = exact.product(e.T.astype(float), exact.increment(omega.T.astype(float), config.period_s))
     # Each component is a·e + d·w: two products and their sum of at most 1, a and d each rounded once or twice;
     # d·w is below half the largest angle, 0.035. Three halves of 2**-24 from a·e and the sum, the rest below one more.
-    assert np.abs(q - truth.T).max() <= 2.5 * 2.0**-24
+    assert np.abs(q - truth).max() <= 2.5 * 2.0**-24
 
 
 def test_renormalisation_brings_the_norm_back():
@@ -78,13 +76,9 @@ def test_renormalisation_brings_the_norm_back():
 def test_renormalised_every_so_many_updates(every):
     config = QUATERNION_J3.model_copy(update={"renormalise_every": every})
     system = quat_direct(config)
-    state = dict(system.reset) | {"e0": 1.01}
-    zero = dict.fromkeys(system.input_ports, 0.0)
-    norms = [1.01]
-    for _ in range(4 * every):
-        result = system.update_float64(zero, state)
-        state = {word: float(result[word]) for word in state}
-        norms.append(np.linalg.norm([state[f"e{k}"] for k in range(4)]))
+    rest = system.bind(omega=np.zeros((4 * every, 3)), load=0.0, start=np.zeros(4))
+    result, _ = system.run_float64(rest, {"e0": 1.01})
+    norms = np.append(1.01, np.linalg.norm(system.read(result)["e"], axis=1))
     changed = np.flatnonzero(np.abs(np.diff(norms)) > 1e-12) + 1
     # At rest the quaternion stays as it is but for renormalisations; the fourth no longer shows.
     np.testing.assert_array_equal(changed, [every, 2 * every, 3 * every])
@@ -92,12 +86,11 @@ def test_renormalised_every_so_many_updates(every):
 
 def test_a_load_takes_the_start_value():
     system = quat_direct(QUATERNION_J3)
-    start = {f"in_e{k}": value for k, value in enumerate((0.1, 0.7, -0.1, 0.7))}
-    inputs = start | {"in_p": 1.0, "in_q": 2.0, "in_r": 3.0}
-    result = system.update_float64(inputs | {"in_load_en": 1.0}, system.reset)
-    assert [result[f"out_e{k}"] for k in range(4)] == list(start.values())
-    result = system.update_float64(inputs | {"in_load_en": 0.0}, system.reset)
-    assert result["out_e1"] == pytest.approx(0.001, rel=1e-3)
+    start = 0.1, 0.7, -0.1, 0.7
+    inputs = system.bind(omega=(1.0, 2.0, 3.0), load=(1.0, 0.0), start=start)
+    loaded, propagated = system.read(system.update_float64(inputs, system.reset))["e"]
+    assert tuple(loaded) == start
+    assert propagated[1] == pytest.approx(0.001, rel=1e-3)
 
 
 @pytest.mark.parametrize("coning", [False, True])
@@ -109,13 +102,10 @@ def test_classical_coning(coning):
     rates = [exact.coning_mean_rate(begins + k * period / 2, begins + (k + 1) * period / 2, **motion) for k in (0, 1)]
     config = QUATERNION_J3.model_copy(update={"sample_rate_hz": 1 / period, "coning": coning, "order": 5})
     system = quat_direct(config)
-    zero = dict.fromkeys(system.input_ports, 0.0)
     q = exact.coning_attitude(np.arange(count + 1) * period, **motion)
-    ports = ("in_p", "in_q", "in_r")
-    inputs = zero | (dict(zip((*ports, "in_p2", "in_q2", "in_r2"), np.hstack(rates).T, strict=True)) if coning
-                     else dict(zip(ports, (rates[0] + rates[1]).T / 2, strict=True)))
-    updated = system.update_float64(inputs, {f"e{k}": q[:-1, k] for k in range(4)})
-    left = exact.product(q[1:] * [1, -1, -1, -1], np.stack([updated[f"out_e{k}"] for k in range(4)], -1))
+    given = {"first": rates[0], "second": rates[1]} if coning else {"omega": (rates[0] + rates[1]) / 2}
+    updated = system.update_float64(system.bind(**given, load=0.0, start=np.zeros(4)), system.bind_state(e=q[:-1]))
+    left = exact.product(q[1:] * [1, -1, -1, -1], system.read(updated)["e"])
     error = 2 * left[:, 3].mean()
     # Per update, small β: the coning term is β²/2·(ΩT − sin ΩT); with h = ΩT/2 the corrected one leaves
     # β²·((2h − sin 2h)/2 − 8/3·sin²(h/2)·sin h) (Miller 1983 gives its first term, β²(ΩT)⁵/960).

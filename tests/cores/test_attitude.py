@@ -6,9 +6,8 @@ import pytest
 from strapdown.cores import ATTITUDE_CORES, THESIS, THESIS_COMPACT, THESIS_FAST
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
-from strapdown_sim.reference.attitude import ComplementaryFilter
-from strapdown_sim.reference.ports import reference_outputs
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
+from strapdown_sim.truth import complementary_filter, module_outputs
 
 SEED = 20151
 UPDATES = 20_000
@@ -53,15 +52,13 @@ def circuit(models, make_core, tmp_path_factory):
 def random_inputs(name, count):
     """Numbers of all magnitudes that sensors and matrices have; one vector in twenty is zero."""
     rng = np.random.default_rng(SEED)
-    ports = ATTITUDE_CORES[name](THESIS).input_ports
+    system = ATTITUDE_CORES[name](THESIS)
+    ports = system.input_ports
     values = rng.standard_normal((count, len(ports))) * 10 ** rng.uniform(-4, 4, (count, 1))
-    inputs = dict(zip(ports, values.T, strict=True))
-    for sensor in ("acc", "mag"):
-        zero = rng.random(count) < 0.05
-        for axis in "xyz":
-            if (port := f"in_{sensor}{axis}") in inputs:
-                inputs[port] = np.where(zero, 0.0, inputs[port])
-    return inputs
+    vectors = system.read(dict(zip(ports, values.T, strict=True)), system.inputs)
+    for sensor in vectors.keys() & {"a", "m"}:
+        vectors[sensor][rng.random(count) < 0.05] = 0.0
+    return system.bind(**vectors)
 
 
 @pytest.mark.parametrize("name", PORTS)
@@ -138,53 +135,51 @@ def test_differing_bits_are_counted(circuit):
 @pytest.mark.verilator
 @pytest.mark.parametrize("name", TABLES)
 def test_published_values(circuit, name):
-    inputs, printed = TABLES[name]
-    expected = reference_outputs(name, inputs, kp=THESIS.kp, ki=THESIS.ki, period_s=THESIS.period_s,
-                                 mag_axes=THESIS.magnetometer_axes)
-    result = circuit(name).update({port: np.array([value]) for port, value in inputs.items()})
-    for port, value in printed.items():
-        assert result[port][0] == pytest.approx(expected[port], rel=2e-6, abs=0)
+    (inputs, printed), system = TABLES[name], circuit(name).core.system
+    expected = module_outputs(name, inputs, THESIS)
+    once = {port: value[None] for port, value in system.bind(**inputs).items()}
+    result = system.read(circuit(name).update(once))
+    for output, values in printed.items():
+        np.testing.assert_allclose(result[output][0], expected[output], rtol=2e-6, atol=0)
         # The table is printed with four decimals or more.
-        assert result[port][0] == pytest.approx(value, abs=5e-5 + 2e-6 * abs(value))
+        np.testing.assert_allclose(result[output][0], values, rtol=2e-6, atol=5e-5)
 
 
 @pytest.mark.verilator
 def test_table_5_7(circuit):
-    result = circuit("INS_top").update({port: np.full(5, value) for port, value in TABLE_5_7_INPUT.items()})
-    truth = ComplementaryFilter(kp=THESIS.kp, ki=THESIS.ki, period_s=THESIS.period_s,
-                                mag_axes=THESIS.magnetometer_axes).run(*np.ones((3, 5, 3)))
-    for name, exact, printed in zip(("pitch", "roll", "yaw"), truth[1:], np.transpose(TABLE_5_7), strict=True):
-        np.testing.assert_allclose(result[f"out_{name}"], exact, rtol=0, atol=5e-5)
-        np.testing.assert_allclose(result[f"out_{name}"], printed, rtol=0, atol=5e-5 + 5e-5)
+    system = circuit("INS_top").core.system
+    vectors = {name: np.tile(vector, (5, 1)) for name, vector in TABLE_5_7_INPUT.items()}
+    angles = system.read(circuit("INS_top").update(system.bind(**vectors)))["angles"]
+    truth = complementary_filter(THESIS).run(*vectors.values())
+    np.testing.assert_allclose(angles, np.stack(truth[1:], axis=-1), rtol=0, atol=5e-5)
+    np.testing.assert_allclose(angles, TABLE_5_7, rtol=0, atol=5e-5 + 5e-5)
 
 
 @pytest.mark.verilator
 @pytest.mark.parametrize("name", [name for name in PORTS if name != "INS_top"])
 def test_circuit_is_near_the_reference(circuit, name):
-    count = 2000
+    count, system = 2000, circuit(name).core.system
     inputs = random_inputs(name, count)
     if name == "INS_euler":
         # Angles need a rotation: take the matrices that INS_matx makes of unit quaternions.
         q = np.random.default_rng(SEED).standard_normal((count, 4))
-        q /= np.linalg.norm(q, axis=1, keepdims=True)
-        matrix = circuit("INS_matx").update({f"in_q{k}": q[:, k] for k in range(4)})
-        inputs = {port: matrix[port.replace("in", "out")].astype(float) for port in inputs}
+        matx = circuit("INS_matx").core.system
+        made = circuit("INS_matx").update(matx.bind(q=q / np.linalg.norm(q, axis=1, keepdims=True)))
+        inputs = {port: made[port.replace("in", "out")].astype(float) for port in inputs}
     # The reference gets the numbers as the circuit gets them.
     inputs = {port: np.asarray(values, np.float32).astype(float) for port, values in inputs.items()}
-    expected = reference_outputs(name, inputs, kp=THESIS.kp, ki=THESIS.ki, period_s=THESIS.period_s,
-                                 mag_axes=THESIS.magnetometer_axes)
-    result = circuit(name).update(inputs)
-    largest = np.max([np.abs(value) for value in expected.values()], axis=0)
-    for port, value in expected.items():
+    expected = module_outputs(name, system.read(inputs, system.inputs), THESIS)
+    result = system.read(circuit(name).update(inputs))
+    largest = np.max([np.abs(values).reshape(count, -1).max(axis=1) for values in expected.values()], axis=0)
+    for output, values in expected.items():
         # No output is a sum of more than 32 terms, none of them larger than some four times the
         # largest output, and each is rounded a few times: 64 units of 2**-24 of it are never reached.
-        error = np.abs(result[port] - value)
-        if port in ("out_pitch", "out_roll", "out_yaw"):
+        error = np.abs(result[output] - values).reshape(count, -1)
+        if output == "angles":
             # An arctangent of rounded c's: 2**-24 radians over the length that the angle is seen at.
-            seen = {"out_pitch": np.sqrt(np.maximum(1 - inputs["in_c13"]**2, 0)),
-                    "out_roll": np.hypot(inputs["in_c23"], inputs["in_c33"]),
-                    "out_yaw": np.hypot(inputs["in_c11"], inputs["in_c12"])}[port]
+            c11, c12, c13, c23, c33 = inputs.values()
+            seen = np.stack([np.sqrt(np.maximum(1 - c13**2, 0)), np.hypot(c23, c33), np.hypot(c11, c12)], axis=-1)
             error = np.minimum(error, 360 - error)
             assert (error * np.maximum(seen, 2.0**-12) <= 64 * 2.0**-24 * 360).all()
         else:
-            assert (error <= 64 * 2.0**-24 * np.maximum(largest, 1e-3)).all(), port
+            assert (error <= 64 * 2.0**-24 * np.maximum(largest, 1e-3)[:, None]).all(), output

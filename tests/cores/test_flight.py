@@ -63,27 +63,25 @@ def test_an_update_takes_at_most_450_cycles(make_core):
     assert make_core("INS_flight", FLIGHT).latency <= 450
 
 
-def strange_inputs(ports, count):
+def strange_inputs(system, count):
     """Samples of a body at rest, in motion, and of all that can go wrong."""
     rng = np.random.default_rng(SEED)
-    values = {port: rng.standard_normal(count) * 10 ** rng.uniform(-2, 3, count) for port in ports}
     still = np.arange(count) % 2000 < 1200
-    for port, level in (("in_accz", 9.8), ("in_magx", 20.0), ("in_magz", -40.0), ("in_gyroy", 0.5)):
-        values[port] = np.where(still, level, values[port])
-    for port in ports:
-        if port[-1] in "xyz" and port not in ("in_accz", "in_magx", "in_magz", "in_gyroy"):
-            values[port] = np.where(still, 0.01 * rng.standard_normal(count), values[port])
-    values |= {port: np.abs(values[port]) for port in ports if port[-1] not in "xyz"}
-    values["in_accz"] = np.where(rng.random(count) < 0.01, 200.0, values["in_accz"])
-    values["in_period"] = np.where(still, 0.01, rng.choice([0.002, 0.0, -1.0, 5.0, 1e-30], count))
-    values["in_mag_valid"] = rng.integers(0, 2, count).astype(float)
+    sensors = {}
+    for name, rest in ("a", (0.0, 0.0, 9.8)), ("m", (20.0, 0.0, -40.0)), ("g", (0.0, 0.5, 0.0)):
+        moving = rng.standard_normal((count, 3)) * 10 ** rng.uniform(-2, 3, (count, 3))
+        noise = np.where(rest, 0.0, 0.01 * rng.standard_normal((count, 3)))
+        sensors[name] = np.where(still[:, None], rest + noise, moving)
+    sensors["a"][rng.random(count) < 0.01, 2] = 200.0
+    values = system.bind(
+        **sensors, mag_valid=rng.integers(0, 2, count).astype(float),
+        period=np.where(still, 0.01, rng.choice([0.002, 0.0, -1.0, 5.0, 1e-30], count)),
+        magnetometer_gain=np.abs(rng.standard_normal(count) * 10 ** rng.uniform(-2, 3, count)))
     strange = np.array([np.nan, np.inf, -np.inf, 3e38, -1e30, 1e-30, 1e-40, 0.0, -0.0])
-    for port in ports:
+    for port in values:
         values[port] = np.where(rng.random(count) < 0.003, rng.choice(strange, count), values[port])
     gone = rng.random(count) < 0.01
-    for axis in "xyz":
-        values[f"in_acc{axis}"][gone] = 0.0
-    return values
+    return values | {port: np.where(gone, 0.0, values[port]) for port in system.inputs["a"]}
 
 
 @pytest.mark.verilator
@@ -91,7 +89,7 @@ def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path):
     config = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
     core = make_core("INS_flight", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
-    inputs = strange_inputs(core.system.input_ports, UPDATES)
+    inputs = strange_inputs(core.system, UPDATES)
     result = model.update(inputs)
     assert set(result["cycles"]) == {core.latency}
     assert model.differing_bits(inputs, result) == 0

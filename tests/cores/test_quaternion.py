@@ -22,10 +22,10 @@ OPTIONS = {
 
 def stimulus(core, rng):
     """Rates up to 2,000 deg/s in body axes, a load of a random attitude in one update of a hundred."""
-    inputs = {port: rng.uniform(-20, 20, UPDATES) for port in core.system.input_ports}
-    e = rng.standard_normal((4, UPDATES))
-    inputs |= dict(zip(("in_e0", "in_e1", "in_e2", "in_e3"), e / np.linalg.norm(e, axis=0), strict=True))
-    return inputs | {"in_load_en": (rng.random(UPDATES) < 0.01).astype(float)}
+    rates = {name: rng.uniform(-20, 20, (UPDATES, 3)) for name in core.system.inputs if name not in ("load", "start")}
+    e = rng.standard_normal((UPDATES, 4))
+    return core.system.bind(**rates, load=(rng.random(UPDATES) < 0.01).astype(float),
+                            start=e / np.linalg.norm(e, axis=1, keepdims=True))
 
 
 def test_ports(make_core):
@@ -56,10 +56,10 @@ def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path, config):
     assert set(result["cycles"]) == {core.latency}
     assert model.differing_bits(inputs, result) == 0
     # Between loads the circuit follows the exact rotation: no run of updates is longer than some thousand.
-    q = np.stack([result[f"out_e{k}"].astype(float) for k in range(4)], axis=-1)
+    q = core.system.read(result)["e"].astype(float)
     if not config.coning:
         fmt = config.pool.format
-        rates = np.stack([fmt.array(inputs[f"in_{axis}"]).astype(float) for axis in "pqr"], axis=-1)
+        rates = fmt.array(core.system.read(inputs, core.system.inputs)["omega"]).astype(float)
         truth = exact.product(q[:-1], exact.increment(rates[1:], config.period_s))
         going = fmt.array(inputs["in_load_en"])[1:] == 0
         # As in tests/algorithms/test_quaternion.py, with one rounding more of a and d for a renormalised one.

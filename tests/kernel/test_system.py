@@ -206,3 +206,27 @@ def test_equations_may_give_constants():
                     finish="out_finish", inputs={"x": "in_x"}, outputs={"y": "out_y", "one": "out_one"})
     result, _ = system.run(THESIS.pool, {"in_x": np.arange(3.0)})
     assert result["out_one"].tolist() == [1, 1, 1]
+
+
+def test_a_run_in_float64_is_the_kernel_sample_by_sample():
+    system = quat_direct(QUATERNION_J3)
+    inputs = system.bind(omega=RNG.standard_normal((6, 2, 3)), load=0.0, start=np.zeros(4))
+    inputs["in_p"][3, 1] = np.nan
+    result, last = system.run_float64(inputs, system.bind_state(e=np.array([(1.0, 0, 0, 0), (0, 0, 1.0, 0)])))
+    assert result["refused"].tolist() == [[False, k == 3] for k in range(6)]
+    for lane, e in enumerate(([1.0, 0, 0, 0], [0, 0, 1.0, 0])):
+        state = dict(zip(system.reset, e, strict=True))
+        for k in range(6):
+            update = system.update_float64({port: values[k, lane] for port, values in inputs.items()}, state)
+            if (k, lane) != (3, 1):
+                state = {word: update[word] for word in state}
+            assert [result[word][k, lane] for word in state] == list(state.values())
+            assert [result[port][k, lane] for port in system.output_ports] == list(state.values())
+    assert all((last[name] == values[-1]).all() for name, values in result.items() if name in last)
+
+
+def test_a_first_update_that_is_refused_in_float64_shows_zeros():
+    result, _ = INS_TOP.run_float64(INS_TOP.bind(a=[(np.inf, 0, 0)], m=np.ones(3), g=np.zeros(3)))
+    assert INS_TOP.read(result)["c"].tolist() == np.zeros((1, 3, 3)).tolist()
+    assert result["refused"].tolist() == [True]
+    assert result["q0"].tolist() == [1]

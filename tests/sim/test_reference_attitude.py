@@ -12,7 +12,7 @@ from strapdown_sim.reference.attitude import (
     mag_error,
     matrix_from_quaternion,
 )
-from strapdown_sim.reference.ports import reference_outputs
+from strapdown_sim.reference.modules import reference_outputs
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLES
 
 THESIS = {"kp": 10, "ki": 0.5, "period_s": 0.002, "mag_axes": ("+y", "-x", "+z")}
@@ -29,8 +29,13 @@ def turned(axis, degrees):
 def test_tables_5_1_to_5_6(module):
     inputs, printed = TABLES[module]
     result = reference_outputs(module, inputs, **THESIS)
-    for port, value in printed.items():
-        assert result[port] == pytest.approx(value, abs=5e-5)  # printed with four decimals or more
+    for name, values in printed.items():
+        np.testing.assert_allclose(result[name], values, rtol=0, atol=5e-5)  # printed with four decimals or more
+
+
+def test_a_module_without_reference_is_told():
+    with pytest.raises(ValueError, match=r"^module must be one of INS_acc, .*, INS_atan, not 'INS_top'$"):
+        reference_outputs("INS_top", {}, **THESIS)
 
 
 def test_table_5_7():

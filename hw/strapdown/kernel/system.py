@@ -340,35 +340,29 @@ class System:
         return result, {name: result[name][-1] for name in held}
 
     def run_float64(self, inputs, state=None):
-        """Updates of the equations in float64, in order: what ``run`` gives, without the circuit's rounding.
+        """Updates of the equations in float64, in order: as ``run``, without the circuit's rounding.
 
-        Parameters
-        ----------
-        inputs : dict
-            Input port to numbers of shape (N,), as from ``bind``.
-        state : dict, optional
-            State before the first sample; that of the reset by default.
-
-        Returns
-        -------
-        dict
-            Output port and state word to float64 arrays of shape (N,), status name to bools. An update with a
-            number that is not finite leaves outputs and state as they were, as ``run`` does for a system with a
-            status port; before the first other update such an output is zero.
+        Outputs before the first update that is not refused are zero. Parameters and results are those of
+        ``run``, in float64.
         """
-        ports = np.broadcast_arrays(*(np.asarray(inputs[port], float) for port in self.input_ports))
-        held = dict.fromkeys(self.output_ports, np.float64(0)) | {
-            word: np.float64(value) for word, value in (self.reset | (state or {})).items()}
+        columns = np.broadcast_arrays(*(np.asarray(inputs[port], float) for port in self.input_ports))
+        start = dict.fromkeys(self.output_ports, 0.0) | self.reset | (state or {})
+        held = {name: np.float64(start[name]) for name in (*self.output_ports, *self.reset)}
         rows = []
         with np.errstate(all="ignore"):
-            for sample in zip(*ports, strict=True):
+            for sample in zip(*columns, strict=True):
                 update = self.update_float64(dict(zip(self.input_ports, sample, strict=True)), held)
-                numbers = [*sample, *(update[name] for name in held)]
-                if self.status_port and not np.isfinite(numbers).all():
-                    update |= held | dict.fromkeys(self.status, np.False_)
+                if self.status_port:
+                    numbers = np.broadcast_arrays(*sample, *(update[name] for name in held))
+                    refused = ~np.isfinite(numbers).all(axis=0)
+                    if refused.any():
+                        update |= {name: np.where(refused, held.get(name, False), update[name]) for name in update}
+                    update["refused"] = refused
                 held = {name: update[name] for name in held}
                 rows.append(update)
-        return {name: np.array([row[name] for row in rows]) for name in (*held, *self.status)}
+        lanes = columns[0].shape[1:]
+        result = {name: np.stack([np.broadcast_to(row[name], lanes) for row in rows]) for name in rows[0]}
+        return result, {name: result[name][-1] for name in held}
 
     def _predicted(self, dtype, inputs, state):
         """State before each of the updates of a block, nearly always that of the twin.

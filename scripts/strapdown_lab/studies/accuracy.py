@@ -27,7 +27,7 @@ from strapdown_sim.errors import (
 )
 from strapdown_sim.recordings import STANDARD_GRAVITY, read_recording
 from strapdown_sim.reference.attitude import ComplementaryFilter, alignment
-from strapdown_sim.replay import flight_filter
+from strapdown_sim.truth import flight_filter
 
 __all__ = ["FILTERS", "markdown_table", "means", "measure", "write_accuracy"]
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from strapdown_sim.bench.handshake import CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
-from strapdown_sim.reference.ports import reference_outputs
 from strapdown_sim.stimuli.thesis import TABLES
+from strapdown_sim.truth import module_outputs
 
 core, config = core_under_test()
 fmt = core.engine.program.format
@@ -36,58 +36,37 @@ def samples(count):
     return [{port: column[k] for port, column in inputs.items()} for k in range(count)]
 
 
-class Twin:
-    """What the core must show: the software twin, update by update from reset.
-
-    Attributes: ``bits``, output port to encoding, and ``status``, names of the bits that are set.
-    """
-
-    def __init__(self):
-        self._state = {word: fmt.array([value]) for word, value in core.system.reset.items()}
-        self.bits = {port: fmt.encode(value) for port, value in core.engine.reset_outputs.items()}
-        self.status = set()
-
-    def update(self, sample):
-        """Go on by one update."""
-        result = core.system.update_twin(core.engine.program.schedule.pool,
-                                         {port: np.array([value]) for port, value in sample.items()}, self._state)
-        if "refused" in result and result["refused"][0]:
-            self.status = {"refused"}
-            return
-        self._state = {word: result[word] for word in self._state}
-        self.bits = {port: int(fmt.to_bits(result[port])[0]) for port in self.bits}
-        self.status = {name for name in core.system.status if result[name][0]}
-
-
 @cocotb.test(timeout_time=10, timeout_unit="ms", skip=core.system.name not in TABLES)
 async def published_values(dut):
     """The thesis's table, within 2e-6 of the float64 reference, which the printed digits confirm."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     inputs, printed = TABLES[core.system.name]
-    await driver.update(inputs)
-    expected = reference_outputs(core.system.name, inputs, kp=config.kp, ki=config.ki,
-                                 period_s=config.period_s, mag_axes=config.magnetometer_axes)
-    for port, value in driver.outputs().items():
-        assert abs(value - expected[port]) <= 2e-6 * abs(expected[port]), (port, value, expected[port])
+    await driver.update(core.system.bind(**inputs))
+    expected = module_outputs(core.system.name, inputs, config)
+    for name, values in driver.vectors().items():
+        np.testing.assert_allclose(values, expected[name], rtol=2e-6, atol=0)
         # The table is printed with four decimals or more.
-        assert abs(value - printed[port]) <= 5e-5 + 2e-6 * abs(printed[port]), (port, value, printed[port])
+        np.testing.assert_allclose(values, printed[name], rtol=2e-6, atol=5e-5)
 
 
 @cocotb.test(timeout_time=10, timeout_unit="ms")
 async def every_bit_of_the_twin(dut):
     """Random updates, one after the other: outputs and status are the twin's, and each takes the latency."""
-    driver, twin = CoreDriver(dut, core), Twin()
+    driver, inputs = CoreDriver(dut, core), samples(UPDATES)
     await driver.reset()
     rng = np.random.default_rng(cocotb.RANDOM_SEED)
-    for index, sample in enumerate(samples(UPDATES)):
+    for index, sample in enumerate(inputs):
         if index % 3 == 2:
             # One input at a limit of the format; the twin knows whether that is too much.
             sample |= {rng.choice(core.system.input_ports): EXTREME[index // 3 % len(EXTREME)]}
-        twin.update(sample)
+    twin, _ = core.system.run(core.engine.program.schedule.pool,
+                              {port: np.array([sample[port] for sample in inputs]) for port in core.system.input_ports})
+    bits = {port: fmt.to_bits(twin[port]).tolist() for port in core.system.output_ports}
+    for index, sample in enumerate(inputs):
         assert await driver.update(sample) == core.latency
-        assert driver.bits() == twin.bits, sample
-        assert driver.status() == twin.status, sample
+        assert driver.bits() == {port: values[index] for port, values in bits.items()}, sample
+        assert driver.status() == {name for name in core.engine.status_names if name in twin and twin[name][index]}
 
 
 @cocotb.test(timeout_time=10, timeout_unit="ms", skip=not core.system.status_port)

@@ -6,26 +6,21 @@ import numpy as np
 from strapdown_sim.bench.handshake import CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
 from strapdown_sim.reference.attitude import matrix_from_quaternion
-from strapdown_sim.reference.flight import ALIGNMENTS, FlightFilter
+from strapdown_sim.reference.flight import ALIGNMENTS
+from strapdown_sim.truth import flight_filter
 
 core, config = core_under_test()
 G, FIELD = 9.81, (20.0, 0.0, -45.0)
-ANGLES = "out_pitch", "out_roll", "out_yaw"
+SAMPLE = {"a": (0.1, -0.2, 9.7), "m": (20.0, 3.0, -40.0), "g": (1.0, -2.0, 3.0)}
+"""Of a sensor that does not matter: m/s², µT, deg/s."""
 TOLERANCE_DEG = 1e-4
 """Some thirty roundings of 2**-24 rad in an update, and a dozen updates."""
 
 
-def sample(a=(0.1, -0.2, 9.7), m=(20.0, 3.0, -40.0), g=(1.0, -2.0, 3.0)):
-    """Inputs of one update: m/s², µT, deg/s."""
-    inputs = {f"in_{sensor}{axis}": value for sensor, vector in (("acc", a), ("mag", m), ("gyro", g))
-              for axis, value in zip("xyz", vector, strict=True)}
-    return {port: float(inputs[port]) for port in core.system.input_ports}
-
-
-def angles(driver):
-    """Pitch, roll and yaw at the outputs."""
-    outputs = driver.outputs()
-    return np.array([outputs[port] for port in ANGLES])
+def sample(**vectors):
+    """Inputs of one update; SAMPLE where nothing else is said."""
+    vectors = SAMPLE | vectors
+    return core.system.bind(**{name: vectors[name] for name in core.system.inputs})
 
 
 def difference(angles, expected):
@@ -42,12 +37,10 @@ async def aligns_at_once(dut):
     c = matrix_from_quaternion(q / np.linalg.norm(q))
     # A correction acts in the update after.
     for _ in range(2 * ALIGNMENTS + 1):
-        await driver.update(sample(c @ (0, 0, G), c @ FIELD, (0, 0, 0)))
-    outputs = driver.outputs()
-    found = np.array([[outputs[f"out_c{row}{column}"] for column in "123"] for row in "123"])
+        await driver.update(sample(a=c @ (0, 0, G), m=c @ FIELD, g=(0, 0, 0)))
     # Without magnetometer only the vertical is known.
     columns = slice(None) if config.magnetometer else 2
-    assert np.abs(found - c)[:, columns].max() <= np.radians(TOLERANCE_DEG)
+    assert np.abs(driver.vectors()["c"] - c)[:, columns].max() <= np.radians(TOLERANCE_DEG)
     assert driver.status() == {"starting"}
 
 
@@ -56,10 +49,8 @@ async def status_by_cause(dut):
     """Sensors that fail, one after the other: each is told, and the attitude is the float64 reference's."""
     driver = CoreDriver(dut, core)
     await driver.reset()
-    truth = FlightFilter(period_s=config.period_s, frame=config.frame, axes=config.axes,
-                         magnetometer=config.magnetometer, **config.parameters._asdict())
-    nothing = (0.0, -0.0, 0.0)
-    for kwargs, expected in (
+    truth, nothing = flight_filter(config), (0.0, -0.0, 0.0)
+    for vectors, expected in (
             *[({}, set())] * (2 * ALIGNMENTS),
             ({"a": nothing}, {"accelerometer_missing"}),
             ({"m": nothing}, {"magnetometer_missing"}),
@@ -68,9 +59,8 @@ async def status_by_cause(dut):
             ({"g": (0.0, 1.01 * config.gyro_range, 0.0)}, {"range_exceeded"}),
             ({"m": (-20.0, 3.0, 90.0)}, set()),
             ({}, set())):
-        inputs = sample(**kwargs)
-        await driver.update(inputs)
-        assert driver.status() == {"starting"} | (expected & set(core.engine.status_names)), kwargs
-        vectors = {"a": (0.1, -0.2, 9.7), "m": (20.0, 3.0, -40.0), "g": (1.0, -2.0, 3.0)} | kwargs
-        exact = truth.run(*(np.array([vectors[name]]) for name in "amg"))
-        assert difference(angles(driver), [exact.pitch[0], exact.roll[0], exact.yaw[0]]) <= TOLERANCE_DEG, kwargs
+        await driver.update(sample(**vectors))
+        assert driver.status() == {"starting"} | (expected & set(core.engine.status_names)), vectors
+        exact = truth.run(*(np.array([vector]) for vector in (SAMPLE | vectors).values()))
+        expected_angles = exact.pitch[0], exact.roll[0], exact.yaw[0]
+        assert difference(driver.vectors()["angles"], expected_angles) <= TOLERANCE_DEG, vectors

@@ -13,7 +13,7 @@ class CoreDriver:
     """Drives the ports of a core; numbers go in and come out as floats of its format.
 
     Inputs change at the falling edge of the clock and are taken at the rising one; outputs are
-    looked at just before the falling edge.
+    sampled just before the falling edge.
     """
 
     def __init__(self, dut, core):
@@ -62,6 +62,10 @@ class CoreDriver:
     def outputs(self):
         """Numbers at the output ports, as a dict of floats."""
         return {port: float(self._format.from_bits(bits)) for port, bits in self.bits().items()}
+
+    def vectors(self):
+        """Numbers at the output ports as arrays, by the kernel's names."""
+        return self.system.read(self.outputs())
 
     def status(self):
         """Names of the status bits that are set; empty for a core without."""
