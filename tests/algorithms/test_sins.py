@@ -27,33 +27,21 @@ def quaternion(c_b2n):
     return np.linalg.eigh(form)[1][:, -1]
 
 
-def start_inputs(system, *, latitude, longitude, height=0.0, velocity=(0, 0, 0), c_b2n=None, align=0.0):
-    """Inputs of an update that loads a start, angles in rad."""
-    q = (0, 0, 0, 0) if c_b2n is None else quaternion(c_b2n)
-    names = ("in_lat", "in_lon", "in_veast", "in_vnorth", "in_vup", "in_height",
-             "in_q0", "in_q1", "in_q2", "in_q3", "in_load", "in_align")
-    values = (np.degrees(latitude), np.degrees(longitude), *velocity, height, *q, 1.0, align)
-    return dict.fromkeys(system.input_ports, 0.0) | dict(zip(names, values, strict=True)) | (
-        {"in_altitude": height} if "in_altitude" in system.input_ports else {})
+ZERO = {"omega": np.zeros(3), "f": np.zeros(3), "load": 0.0, "align": 0.0, "place": np.zeros(2), "start_v": np.zeros(3),
+        "start_h": 0.0, "start_q": np.zeros(4), "altitude": 0.0}
 
 
-def sample(system, omega_b, f_b, altitude=0.0):
-    """Inputs of an update that takes a sample."""
-    ports = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz")
-    inputs = dict.fromkeys(system.input_ports, 0.0) | dict(zip(ports, (*omega_b.T, *f_b.T), strict=True))
-    return inputs | ({"in_altitude": altitude} if "in_altitude" in inputs else {})
+def bound(system, **values):
+    """Inputs of updates; zero where nothing else is said."""
+    values = ZERO | values
+    return system.bind(**{name: values[name] for name in system.inputs})
 
 
-def update(system, inputs, state):
-    result = system.update_float64(inputs, state)
-    return result, {word: result[word] for word in state}
-
-
-def begin(system, omega_b, f_b, **start):
-    """State after a load; the sample that comes with it is the first of the flight, a moment too early."""
-    ports = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz")
-    inputs = start_inputs(system, **start) | dict(zip(ports, (*omega_b, *f_b), strict=True))
-    return update(system, inputs, dict(system.reset))
+def loaded(system, omega, f, **start):
+    """Inputs of updates from samples, shapes (N, ..., 3); the first update loads a start."""
+    load = np.zeros((len(omega), *(1 for _ in omega.shape[1:-1])))
+    load[0] = 1.0
+    return bound(system, omega=omega, f=f, load=load, **start)
 
 
 @pytest.mark.parametrize("config", [SINS, SINS_DAMPED], ids=lambda config: config.name)
@@ -64,24 +52,25 @@ def test_kernel_is_within_a_millionth_of_the_reference_and_near_the_truth(config
     before = Flight(1, track_deg=FLIGHT.track_deg, speed_m_s=200, angle_of_attack_deg=2).sample(1)[2]
     system = sins_top(config)
     latitude, longitude = np.radians(FLIGHT.latitude_deg), np.radians(FLIGHT.longitude_deg)
-    _, state = begin(system, omega_b[0], f_b[0], latitude=latitude, longitude=longitude, height=FLIGHT.height_m,
-                     velocity=before.velocity_m_s[0], c_b2n=before.c_b2n[0])
+    # The sample that comes with the load is the first of the flight, a moment too early.
+    omega, force, altitude = (np.concatenate([values[:1], values]) for values in (omega_b, f_b, truth.height_m))
+    result, _ = system.run_float64(loaded(
+        system, omega, force, altitude=altitude, place=(FLIGHT.latitude_deg, FLIGHT.longitude_deg),
+        start_h=FLIGHT.height_m, start_v=before.velocity_m_s[0], start_q=quaternion(before.c_b2n[0])))
+    told_by_kernel = {name: values[-1] for name, values in system.read(result).items()}
     navigator = Navigator(SOURCE_EARTH, config.period_s, before.c_b2n[0], platform_from_geodetic(latitude, longitude),
                           before.velocity_m_s[0], np.float64(FLIGHT.height_m), damping_s=config.damping_s or None)
     for k in range(len(omega_b)):
-        result, state = update(system, sample(system, omega_b[k], f_b[k], truth.height_m[k]), state)
         navigator.step(omega_b[k], f_b[k], truth.height_m[k])
     told = navigator.navigation()
     radius, distance = SOURCE_EARTH.radius_m, FLIGHT.distance()
-    kernel = np.radians([result["out_latitude"], result["out_longitude"]])
+    kernel = np.radians(told_by_kernel["position"])
     assert abs(kernel[0] - told.latitude) * radius < 1e-6 * distance
     assert abs(kernel[1] - told.longitude) * radius < 1e-6 * distance
-    assert abs(result["out_height"] - told.height_m) < 1e-6 * distance
-    for port, expected in zip(("pitch", "roll", "heading"), told[:3], strict=True):
-        # A millionth of the distance over the earth's radius is 1e-8 rad; tilts make positions at g·t²/2.
-        assert np.radians(result[f"out_{port}"]) == pytest.approx(expected, abs=1e-8)
-    velocity = [result[f"out_v{name}"] for name in ("east", "north", "up")]
-    np.testing.assert_allclose(velocity, told.velocity_m_s, rtol=0, atol=1e-4)
+    assert abs(told_by_kernel["height"] - told.height_m) < 1e-6 * distance
+    # A millionth of the distance over the earth's radius is 1e-8 rad; tilts make positions at g·t²/2.
+    np.testing.assert_allclose(np.radians(told_by_kernel["attitude"]), told[:3], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(told_by_kernel["velocity"], told.velocity_m_s, rtol=0, atol=1e-4)
     # And neither is far from where the aircraft is, at a fifth of the source's rate.
     assert abs(kernel[0] - truth.latitude[-1]) * radius < 1
     assert abs(kernel[1] - truth.longitude[-1]) * radius < 1
@@ -93,17 +82,13 @@ def test_schuler_oscillation_and_growth():
     system, latitude = sins_top(config), np.radians(45)
     omega_b, f_b, _ = at_rest(5000, latitude_deg=45).sample(2.0)
     bias, tilt = np.radians(0.05) / 3600, np.radians(0.01)
-    inputs = start_inputs(system, latitude=latitude, longitude=0.0, c_b2n=np.eye(3))
     # Computed (I − [φ×]): the platform is seen turned by −φ.
-    inputs |= {"in_q0": np.cos([0, tilt / 2]), "in_q2": np.sin([0, -tilt / 2]), "in_q1": 0.0, "in_q3": 0.0}
-    _, state = update(system, inputs, dict(system.reset))
-    measured = []
-    for k in range(len(omega_b)):
-        rate = omega_b[k][:, None] + np.array([[0, 0], [bias, 0], [0, 0]])
-        result, state = update(system, sample(system, rate.T, np.tile(f_b[k], (2, 1))), state)
-        if (k + 1) % 250 == 0:
-            measured.append([result["out_veast"], np.radians(result["out_longitude"])])
-    measured = np.array(measured)  # time, quantity, lane
+    start_q = np.array([(1, 0, 0, 0), (np.cos(tilt / 2), 0, -np.sin(tilt / 2), 0)])
+    rates = np.concatenate([[omega_b[:1, None].repeat(2, axis=1)[0]], omega_b[:, None] + [(0, bias, 0), (0, 0, 0)]])
+    force = np.concatenate([f_b[:1], f_b])[:, None]
+    result, _ = system.run_float64(loaded(system, rates, force, place=(45.0, 0.0), start_q=start_q))
+    east = np.stack([result["out_veast"], np.radians(result["out_longitude"])], axis=1)  # time, quantity, lane
+    measured = east[250::250]
     times = 500.0 * np.arange(1, len(measured) + 1)
     for lane, error in enumerate(({"gyro_bias": (0, bias, 0)}, {"tilt": (0, tilt, 0)})):
         model = np.array([rest_errors(SOURCE_EARTH, latitude, t, **error)[[3, 6]] for t in times])
@@ -116,20 +101,15 @@ def test_alignment_at_rest(heading_deg):
     system = sins_top(config)
     flight = at_rest(1, latitude_deg=50, heading_deg=heading_deg, pitch_deg=5)
     omega_b, f_b, truth = flight.sample(config.period_s)
-    result, state = begin(system, omega_b[0], f_b[0], latitude=np.radians(50), longitude=0.3, align=1.0)
-    for k in range(1, 10):
-        assert result["aligning"]
-        assert not result["navigating"]
-        result, state = update(system, sample(system, omega_b[k], f_b[k]), state)
-    assert result["navigating"]
-    assert not result["aligning"]
-    assert np.radians(result["out_pitch"]) == pytest.approx(truth.pitch[0], abs=1e-9)
+    result, _ = system.run_float64(loaded(system, omega_b[:11], f_b[:11], place=(50.0, np.degrees(0.3)), align=1.0))
+    assert result["aligning"].tolist() == 9 * [True] + 2 * [False]
+    assert result["navigating"].tolist() == 9 * [False] + 2 * [True]
+    assert np.radians(result["out_pitch"][9]) == pytest.approx(truth.pitch[0], abs=1e-9)
     # Heading from earth rate: rounding of f and ω, 1e-16, over Ω·cos L.
-    assert np.angle(np.exp(1j * (np.radians(result["out_heading"]) - truth.heading[0]))) == pytest.approx(0, abs=1e-9)
-    assert (result["out_latitude"], result["out_longitude"]) == pytest.approx((50, np.degrees(0.3)), abs=1e-12)
-    result, state = update(system, sample(system, omega_b[10], f_b[10]), state)
-    assert result["navigating"]
-    assert abs(result["out_veast"]) < 1e-9
+    error = np.radians(result["out_heading"][9]) - truth.heading[0]
+    assert np.angle(np.exp(1j * error)) == pytest.approx(0, abs=1e-9)
+    assert system.read(result)["position"][9] == pytest.approx((50, np.degrees(0.3)), abs=1e-12)
+    assert abs(result["out_veast"][10]) < 1e-9
 
 
 def test_alignment_averages_noise():
@@ -139,11 +119,9 @@ def test_alignment_averages_noise():
     omega_b, f_b, _ = at_rest(count * config.period_s, latitude_deg=30, heading_deg=75).sample(config.period_s)
     omega_b = omega_b + 1e-6 * RNG.standard_normal(omega_b.shape)
     f_b = f_b + 1e-2 * RNG.standard_normal(f_b.shape)
-    result, state = begin(system, omega_b[0], f_b[0], latitude=np.radians(30), longitude=0.0, align=1.0)
-    for k in range(1, count):
-        result, state = update(system, sample(system, omega_b[k], f_b[k]), state)
+    result, _ = system.run_float64(loaded(system, omega_b[:count], f_b[:count], place=(30.0, 0.0), align=1.0))
     expected = coarse_alignment(f_b.mean(axis=0), omega_b.mean(axis=0))
-    matrix = np.array([[result[f"t{row}{column}"] for column in "123"] for row in "123"])
+    matrix = system.read(result, system.state)["t"][-1]
     np.testing.assert_allclose(matrix, expected, rtol=0, atol=1e-11)
 
 
@@ -163,48 +141,41 @@ def test_every_attitude_can_be_aligned():
 
 def test_before_a_load_nothing_moves():
     system = sins_top(SINS)
-    rest, f_b, _ = at_rest(0.1, latitude_deg=10).sample(0.02)
-    state = dict(system.reset)
-    for k in range(5):
-        result, state = update(system, sample(system, rest[k] + 0.1, f_b[k]), state)
-        assert not result["aligning"]
-        assert not result["navigating"]
-    assert (result["out_latitude"], result["out_longitude"], result["out_height"]) == (0, 0, 0)
-    assert (result["out_pitch"], result["out_roll"], result["out_heading"]) == (0, 0, 0)
-    assert {float(result[f"out_v{name}"]) for name in ("east", "north", "up")} == {0}
+    omega_b, f_b, _ = at_rest(0.1, latitude_deg=10).sample(0.02)
+    result, _ = system.run_float64(bound(system, omega=omega_b + 0.1, f=f_b))
+    assert not result["aligning"].any()
+    assert not result["navigating"].any()
+    assert not any(values.any() for values in system.read(result).values())
 
 
 @pytest.mark.parametrize(("port", "limit"), [("in_wy", np.radians(400)), ("in_fx", 160.0)])
 def test_out_of_range_is_told(port, limit):
     system = sins_top(SINS)
-    quiet = dict.fromkeys(system.input_ports, 0.0)
-    for factor, expected in ((0.999, False), (1.001, True)):
-        assert system.update_float64(quiet | {port: factor * limit}, dict(system.reset))["out_of_range"] == expected
+    inputs = bound(system) | {port: np.array([0.999, 1.001]) * limit}
+    assert system.update_float64(inputs, system.reset)["out_of_range"].tolist() == [False, True]
 
 
 @pytest.mark.parametrize(("longitude", "shown"), [(-120.3, -120.3), (239.5, -120.5), (-200.0, 160.0)])
 def test_a_load_shows_the_start_position(longitude, shown):
     system = sins_top(SINS)
-    inputs = start_inputs(system, latitude=0.0, longitude=0.0, c_b2n=np.eye(3), velocity=(3.0, 4.0, 5.0))
-    result, state = update(system, inputs | {"in_lat": 45.3, "in_lon": longitude}, dict(system.reset))
-    assert (result["out_latitude"], result["out_longitude"], result["out_wander"]) == (45.3, shown, 0)
-    assert [result[f"out_v{name}"] for name in ("east", "north", "up")] == [3, 4, 5]
+    inputs = bound(system, load=1.0, place=(45.3, longitude), start_v=(3.0, 4.0, 5.0), start_q=(1, 0, 0, 0))
+    result = system.update_float64(inputs, system.reset)
+    told, state = system.read(result), system.read(result, system.state)
+    assert (*told["position"], told["wander"]) == (45.3, shown, 0)
+    assert told["velocity"].tolist() == [3, 4, 5]
     assert not result["out_of_range"]
     # And the state has it: at rest over the ground the next update shows the same, but for rounding.
-    result, _ = update(system, sample(system, np.zeros(3), np.zeros(3)) | {"in_lat": 1e300}, state | {
-        f"v{axis}": 0.0 for axis in "xyz"} | {f"half_{axis}": 0.0 for axis in "xyz"})
-    assert result["out_latitude"] == pytest.approx(45.3, abs=1e-13)
-    assert result["out_longitude"] == pytest.approx(shown, abs=1e-13)
+    at_rest = system.bind_state(**state | {"v": np.zeros(3), "half": np.zeros(3)})
+    result = system.update_float64(bound(system, place=(1e300, 0.0)), at_rest)
+    assert system.read(result)["position"] == pytest.approx((45.3, shown), abs=1e-13)
 
 
 @pytest.mark.parametrize(("angles", "expected"), [
     ((90.0, 360.0), False), ((-90.0, -360.0), False), ((90.1, 0.0), True), ((0.0, -360.5), True)])
 def test_a_start_angle_out_of_range_is_told(angles, expected):
     system = sins_top(SINS)
-    inputs = start_inputs(system, latitude=0.0, longitude=0.0, c_b2n=np.eye(3))
-    inputs |= dict(zip(("in_lat", "in_lon"), angles, strict=True))
-    assert update(system, inputs, dict(system.reset))[0]["out_of_range"] == expected
-    assert not update(system, inputs | {"in_load": 0.0}, dict(system.reset))[0]["out_of_range"]
+    inputs = bound(system, load=(1.0, 0.0), place=angles, start_q=(1, 0, 0, 0))
+    assert system.update_float64(inputs, system.reset)["out_of_range"].tolist() == [expected, False]
 
 
 def test_position_matrix_stays_orthonormal():

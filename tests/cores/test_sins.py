@@ -35,19 +35,16 @@ def stimulus(system):
     still = [0] * (ALIGNMENT + 10)
     omega_b, f_b = (np.concatenate((values[still], values)) for values in (omega_b, f_b))
     total = len(omega_b)
-    inputs = {port: np.zeros(total) for port in system.input_ports}
-    inputs |= dict(zip(("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz"), (*omega_b.T, *f_b.T), strict=True))
-    inputs |= {"in_lat": np.full(total, flight.latitude_deg), "in_lon": np.full(total, flight.longitude_deg),
-               "in_height": np.full(total, 150.0), "in_q0": np.full(total, 2.0), "in_q3": np.full(total, -0.5)}
-    if "in_altitude" in inputs:
-        inputs["in_altitude"] = np.concatenate((np.full(len(still), 150.0), truth.height_m))
-    inputs["in_load"][[5, 1000]] = 1.0
-    inputs["in_align"][5] = 1.0
-    inputs["in_vnorth"][1000] = 200.0
-    inputs["in_vup"][1000] = 1e-310  # subnormal in binary64: no operator flushes what is only loaded
-    inputs["in_fy"][700] = np.nan
-    inputs["in_wx"][800] = 8.0
-    return inputs
+    f_b[700, 1] = np.nan
+    omega_b[800, 0] = 8.0
+    load, align, velocity = np.zeros(total), np.zeros(total), np.zeros((total, 3))
+    load[[5, 1000]] = align[5] = 1.0
+    # The last one is subnormal in binary64: no operator flushes a number that is only loaded.
+    velocity[1000] = 0.0, 200.0, 1e-310
+    values = {"omega": omega_b, "f": f_b, "load": load, "align": align, "start_v": velocity, "start_h": 150.0,
+              "place": (flight.latitude_deg, flight.longitude_deg), "start_q": (2.0, 0.0, 0.0, -0.5),
+              "altitude": np.concatenate((np.full(len(still), 150.0), truth.height_m))}
+    return system.bind(**{name: values[name] for name in system.inputs})
 
 
 @pytest.mark.parametrize("config", [SINS, SINS_DAMPED], ids=lambda config: config.name)

@@ -60,6 +60,11 @@ def test_read_gives_outputs_by_the_kernels_names():
     assert told["angles"].tolist() == 2 * [[9, 10, 11]]
 
 
+def test_read_gives_single_numbers_as_arrays_without_axes():
+    told = system_of("INS_atan", THESIS).read({"out_result": 0.5})["angle"]
+    assert (told.shape, float(told)) == ((), 0.5)
+
+
 def test_the_state_is_bound_over_its_reset():
     state = INS_TOP.bind_state(q=RNG.standard_normal((3, 4)))
     assert state.keys() == INS_TOP.reset.keys()

@@ -205,7 +205,7 @@ class System:
         arrays = {}
         for name, tree in (self.outputs if names is None else names).items():
             stacked = np.stack(np.broadcast_arrays(*(result[leaf] for leaf in leaves(tree))), axis=-1)
-            arrays[name] = stacked.reshape(*stacked.shape[:-1], *_shape(tree))
+            arrays[name] = stacked.reshape(stacked.shape[:-1] + _shape(tree))
         return arrays
 
     def _bound(self, kind, trees, values):

@@ -3,6 +3,7 @@
 import math
 
 import cocotb
+import numpy as np
 
 from strapdown_sim.bench.handshake import CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
@@ -25,22 +26,20 @@ def sample(omega=None, f=None, *, velocity=(0.0, 0.0, 0.0), load=0.0, align=0.0)
     f = f or (0.0, 0.0, EARTH.gravity(LATITUDE, HEIGHT_M))
     # Heading is clockwise, the quaternion's turn about up anticlockwise; its length does not matter.
     q = 3 * math.cos(HEADING / 2), 0.0, 0.0, -3 * math.sin(HEADING / 2)
-    names = ("in_wx", "in_wy", "in_wz", "in_fx", "in_fy", "in_fz", "in_load", "in_align", "in_lat", "in_lon",
-             "in_veast", "in_vnorth", "in_vup", "in_height", "in_q0", "in_q1", "in_q2", "in_q3")
-    values = (*omega, *f, load, align, LATITUDE_DEG, LONGITUDE_DEG, *velocity, HEIGHT_M, *q)
-    inputs = dict(zip(names, values, strict=True))
-    return inputs | ({"in_altitude": HEIGHT_M} if config.damping_s else {})
+    altitude = {"altitude": HEIGHT_M} if config.damping_s else {}
+    return core.system.bind(
+        omega=omega, f=f, load=load, align=align, place=(LATITUDE_DEG, LONGITUDE_DEG), start_v=velocity,
+        start_h=HEIGHT_M, start_q=q, **altitude)
 
 
 def check(driver, velocity=(0.0, 0.0, 0.0)):
     """Assert that attitude and position are the start's, and so is the velocity, within rounding."""
-    outputs = driver.outputs()
-    for name, expected in (("pitch", 0.0), ("roll", 0.0), ("heading", HEADING_DEG), ("latitude", LATITUDE_DEG),
-                           ("longitude", LONGITUDE_DEG), ("wander", 0.0)):
-        assert abs(outputs[f"out_{name}"] - expected) <= DEGREE, (name, outputs)
-    assert abs(outputs["out_height"] - HEIGHT_M) <= 1e-9
-    for name, expected in zip(("east", "north", "up"), velocity, strict=True):
-        assert abs(outputs[f"out_v{name}"] - expected) <= 1e-12 * (1 + abs(expected)), (name, outputs)
+    told = driver.vectors()
+    np.testing.assert_allclose(told["attitude"], (0.0, 0.0, HEADING_DEG), rtol=0, atol=DEGREE)
+    np.testing.assert_allclose(told["position"], (LATITUDE_DEG, LONGITUDE_DEG), rtol=0, atol=DEGREE)
+    assert abs(told["wander"]) <= DEGREE
+    assert abs(told["height"] - HEIGHT_M) <= 1e-9
+    np.testing.assert_allclose(told["velocity"], velocity, rtol=1e-12, atol=1e-12)
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
