@@ -345,7 +345,8 @@ class System:
         Outputs before the first update that is not refused are zero. Parameters and results are those of
         ``run``, in float64.
         """
-        columns = np.broadcast_arrays(*(np.asarray(inputs[port], float) for port in self.input_ports))
+        columns = np.broadcast_arrays(*(np.asarray(inputs[port], None if port in self.integers else float)
+                                        for port in self.input_ports))
         start = dict.fromkeys(self.output_ports, 0.0) | self.reset | (state or {})
         held = {name: np.float64(start[name]) for name in (*self.output_ports, *self.reset)}
         rows = []
