@@ -7,6 +7,7 @@ from typing import Annotated
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
+from strapdown.kernel.machine import streaming
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System
 
@@ -73,6 +74,11 @@ class Config(BaseModel):
     def period_s(self):
         """Sample period T in seconds."""
         return 1 / self.sample_rate_hz
+
+    @property
+    def engine_pool(self):
+        """The pool that the engine has: ``pool``, or what stands for it with several channels."""
+        return self.pool if self.channels == 1 else streaming(self.pool)
 
     def systems(self) -> dict[str, Callable[..., System]]:
         """Module name to the function that makes the module's System from this configuration.

@@ -1,13 +1,27 @@
 """INS_top_x8: eight attitudes from one core, against one software twin a channel."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from strapdown.config import ConfigError
-from strapdown.cores import THESIS_X8, make_core, modules_of
-from strapdown.export import description, write_core
+from strapdown.cores import (
+    ATTITUDE_CORES,
+    FLIGHT,
+    QUATERNION_J3,
+    THESIS,
+    THESIS_X8,
+    Core,
+    main_module,
+    make_core,
+    modules_of,
+)
+from strapdown.export import description, verilog_text, write, write_core
+from strapdown.kernel.machine import streaming
+from strapdown.kernel.pool import MemoryStyle
+from strapdown.kernel.stream import StreamEngine
 from strapdown_sim.drivers.stream import RESET, StreamModel
 
 SEED = 20151
@@ -153,3 +167,70 @@ def test_differing_bits_are_counted(model):
     assert model.differing_bits(inputs, result) == 0
     result["q1"][20] = np.nextafter(result["q1"][20], np.float32(2))
     assert model.differing_bits(inputs, result) >= 1
+
+
+# With next-state values that are read again, a ROM in block RAM, and results that outlive several intervals.
+STREAMED = {"flight": (FLIGHT.replace(channels=8), 210), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38)}
+
+
+@pytest.fixture(scope="module", params=STREAMED)
+def streamed(request, tmp_path_factory, models):
+    """A configuration for eight channels, its model, and the bound of its interval."""
+    config, bound = STREAMED[request.param]
+    core = make_core(main_module(config), config)
+    verilog = write_core(core, config, tmp_path_factory.mktemp(request.param), "")
+    return config, StreamModel(core, verilog, models), bound
+
+
+@pytest.mark.verilator
+def test_every_configuration_can_have_channels(streamed):
+    config, model, bound = streamed
+    core, count = model.core, 3000
+    assert bound <= core.engine.interval <= 1.1 * bound
+    assert max(core.engine.program.schedule.bounds.values()) == bound
+    rng = np.random.default_rng(SEED)
+    ports = core.system.input_ports
+    values = rng.standard_normal((count, len(ports))) * 10 ** rng.uniform(-2, 2, (count, 1))
+    values[rng.random(count) < 0.02, 0] = np.nan
+    inputs = dict(zip(ports, values.T, strict=True))
+    channels = rng.integers(config.channels, size=count)
+    idle = np.where(rng.random(count) < 0.2, rng.integers(3 * core.engine.interval, size=count), 0)
+    resets = np.arange(149, count, 150)
+    idle[resets] = RESET
+    result = model.update(channels, inputs, idle)
+    assert in_order(result, channels)
+    assert set(result["finished"] - result["taken"]) == {core.latency}
+    assert model.differing_bits(inputs, result, resets) == 0
+    refused = result["out_status"] >> core.engine.status_names.index("refused") & 1
+    assert 0 < refused.sum() < len(refused) / 2
+
+
+@pytest.mark.verilator
+def test_without_a_status_port_nothing_is_refused(tmp_path, models):
+    system = ATTITUDE_CORES["INS_quat"](THESIS)
+    core = Core(system, streaming(THESIS.pool), engine=StreamEngine, channels=2)
+    assert core.engine.status_names == ()
+    model = StreamModel(core, write(core, tmp_path, command=""), models)
+    rng = np.random.default_rng(SEED)
+    inputs = {port: rng.standard_normal(500) for port in system.input_ports}
+    inputs[system.input_ports[0]][100] = np.nan
+    result = model.update(rng.integers(2, size=500), inputs)
+    assert model.differing_bits(inputs, result) == 0
+    assert np.isnan(result[system.output_ports[0]]).any()
+
+
+def test_what_header_and_json_say_of_the_pool_is_in_the_circuit(tmp_path):
+    config = QUATERNION_J3.replace(channels=2)
+    core = make_core(main_module(config), config)
+    told = description(core, config, "")["configuration"]
+    pool = core.engine.program.schedule.pool
+    assert (told["forwarding"], told["side_memory"], told["private_ports"]) == (False, True, True)
+    assert (told["operand_memory"], told["microcode"]) == ("block", "block")
+    assert pool.forwarding is False
+    for changes, memories in (
+            ({}, {"main_memory": "block", "side_memory": "distributed", "microcode": "block"}),
+            ({"operand_memory": MemoryStyle.DISTRIBUTED, "side_memory": False, "microcode": MemoryStyle.DISTRIBUTED},
+             {"main_memory": "distributed"})):
+        changed = Core(core.system, replace(pool, **changes), engine=StreamEngine, channels=2)
+        found = re.findall(r'\(\* r[ao]m_style = "(\w+)" \*\)\s+reg \[[^]]*\] (\w+)', verilog_text(changed))
+        assert {name: style for style, name in found} == memories

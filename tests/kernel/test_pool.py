@@ -12,7 +12,7 @@ from strapdown.kernel.operators import (
     ReciprocalRoot,
     Selector,
 )
-from strapdown.kernel.pool import MemoryStyle, Pool
+from strapdown.kernel.pool import Pool
 
 
 def test_every_operation_of_a_kernel_has_its_units():
@@ -83,8 +83,3 @@ def test_an_operation_is_defined_once():
             name = "other"
             operations = (Operation("add", twin=None, float64=None),)
     assert OPERATIONS["add"] is Adder.operations[0]
-
-
-def test_a_side_memory_wants_operands_in_luts():
-    with pytest.raises(ValueError, match=r"^operand_memory must be distributed if there is a side memory$"):
-        Pool(operand_memory=MemoryStyle.BLOCK, side_memory=True)

@@ -5,15 +5,29 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from strapdown.cores import THESIS_X8
+from strapdown.cores import ATTITUDE_CORES, FLIGHT, QUATERNION_J3, THESIS, THESIS_X8
 from strapdown.cores.attitude import ins_top
-from strapdown.kernel.machine import StreamMachine
+from strapdown.cores.flight import ins_flight
+from strapdown.cores.quaternion import quat_direct
+from strapdown.kernel.machine import StreamMachine, streaming
 from strapdown.kernel.modulo_scheduler import modulo_schedule
-from strapdown.kernel.program import PLAIN, STATE, TURNED, StreamProgram
+from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
+from strapdown.kernel.pool import Pool
+from strapdown.kernel.program import NEXT, PLAIN, STATE, TURNED, StreamProgram
 
 POOL, CHANNELS, INTERVAL = THESIS_X8.pool, THESIS_X8.channels, THESIS_X8.interval
 FORMAT = POOL.format
 SYSTEM = ins_top(THESIS_X8)
+# One pair of read ports, one bus.
+NARROW = Pool(forwarding=False, private_ports=False)
+WIDE = streaming(Pool(operators=(Adder(count=2), Multiplier(count=2), Divider(), Selector())))
+CASES = {
+    # Next-state values are read in the update that makes them, and signs of the state are conditions.
+    "flight": (ins_flight(FLIGHT), streaming(FLIGHT.pool), 8),
+    "one read port and one bus": (quat_direct(QUATERNION_J3), NARROW, 2),
+    "two adders and multipliers": (quat_direct(QUATERNION_J3), WIDE, 64),
+    "no status port": (ATTITUDE_CORES["INS_quat"](THESIS), streaming(THESIS.pool), 4),
+}
 
 Update = namedtuple("Update", "channel bank fresh inputs")
 
@@ -41,17 +55,19 @@ class Machine:
             self.cycle(cycle, begins)
 
     def address(self, fields, cycle, begins, *, to_be=False):
-        (kind, stage), address = self.program.kinds[fields["kind"]], fields["address"]
-        # Settled in the cycle before: by the updates that are in each stage then, and its number's parity.
+        (kind, parameter), address = self.program.kinds[fields["kind"]], fields["address"]
+        # Settled in the cycle before: by the updates that are in each stage then, and the number of intervals.
         period = (cycle - 1) // self.program.length
         if kind == PLAIN:
             return address
         if kind == TURNED:
-            return address ^ period % 2
-        assert kind == STATE
-        update = begins[period - stage] if period >= stage else None
+            low = (1 << parameter) - 1
+            return address & ~low | (address + period) & low
+        assert kind in (STATE, NEXT)
+        update = begins[period - parameter] if period >= parameter else None
         if update is None:
-            return None if to_be else address
+            return None
+        to_be = to_be or kind == NEXT
         if update.fresh and not to_be:
             return address | self.program.upper
         return address | update.channel << 1 | update.bank ^ to_be
@@ -72,9 +88,11 @@ class Machine:
             values = []
             for side in "ab":
                 fields = word[f"port{program.schedule.machine.port(unit)}"][side]
-                bits = self.operands[program.schedule.machine.port(unit), side][fields["side"]]
+                bits = self.operands[program.schedule.machine.port(unit), side][fields.get("side", 0)]
                 values.append(FORMAT.from_bits(bits ^ fields["negate"] << FORMAT.width - 1))
-            if name == "selector":
+            if name == "selector" and "condition" not in word:
+                result = values[0]
+            elif name == "selector":
                 node, age = program.conditions[word["condition"]["index"]]
                 written = program.schedule.written[node]
                 signs = [c for c in range(cycle) if (c - written) % program.length == 0]
@@ -95,9 +113,13 @@ class Machine:
                 fields = word.get(f"port{port}", {}).get(side, {})
                 if "address" in fields:
                     address = self.address(fields, cycle, begins)
-                    self.operands[port, side] = self.main[address], self.side[address % len(self.side)]
+                    if address is None:
+                        self.operands[port, side] = 0, 0
+                        continue
+                    aside = self.side[address % len(self.side)] if self.side else 0
+                    self.operands[port, side] = self.main[address], aside
                     following = program.words[(cycle + 1) % program.length][f"port{port}"][side]
-                    read.add(("side", address) if following["side"] else ("main", address))
+                    read.add(("side", address) if following.get("side") else ("main", address))
         for name, memory in ("main", self.main), ("side", self.side):
             if name in word:
                 address = self.address(word[name], cycle, begins, to_be=True)
@@ -107,6 +129,21 @@ class Machine:
 
 
 def test_words_compute_what_the_twin_computes_while_updates_overlap(program):
+    check_words(SYSTEM, program)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_system_can_be_streamed_on_every_kind_of_pool(case):
+    system, pool, channels = CASES[case]
+    program = StreamProgram(modulo_schedule(system.trace(pool), StreamMachine(pool)), channels)
+    kinds = {kind for kind, _ in program.kinds}
+    assert (NEXT in kinds) == (case == "flight")
+    assert bool(program.side_depth) == pool.side_memory
+    check_words(system, program)
+
+
+def check_words(system, program):
+    """Updates of several channels, one after another, some left out: outputs and states against the twin."""
     rng = np.random.default_rng(7)
     machine = Machine(program)
     stages = program.schedule.stages
@@ -115,20 +152,20 @@ def test_words_compute_what_the_twin_computes_while_updates_overlap(program):
     running = []
     for begin in range(24):
         running = [channel for start, channel in running if begin - start < stages] if begin else []
-        choices = [channel for channel in range(CHANNELS) if channel not in running]
+        choices = [channel for channel in range(min(program.channels, 8)) if channel not in running]
         running = [(start, channel) for start, channel in zip(range(begin - len(running), begin), running, strict=True)]
-        if begin >= 20 or rng.random() < 0.2:
+        if begin >= 20 or rng.random() < 0.2 or not choices:
             begins.append(None)
             expected.append(None)
             continue
         channel = int(rng.choice(choices))
         bank, values = state.get(channel, (0, None))
-        inputs = [FORMAT.array(value) for value in rng.standard_normal(9) * 10]
-        before = values or {word: FORMAT.array(value) for word, value in SYSTEM.reset.items()}
-        twin = SYSTEM.update_twin(POOL, dict(zip(SYSTEM.input_ports, inputs, strict=True)), before)
+        inputs = [FORMAT.array(value) for value in rng.standard_normal(len(system.input_ports)) * 10]
+        before = values or {word: FORMAT.array(value) for word, value in program.graph.state.items()}
+        twin = system.update_twin(program.schedule.pool, dict(zip(system.input_ports, inputs, strict=True)), before)
         begins.append(Update(channel, bank, values is None, inputs))
         expected.append(twin)
-        state[channel] = 1 - bank, {word: twin[word] for word in SYSTEM.reset}
+        state[channel] = 1 - bank, {word: twin[word] for word in program.graph.state}
         running.append((begin, channel))
     machine.run(begins)
     for begin, twin in enumerate(expected):
@@ -140,7 +177,7 @@ def test_words_compute_what_the_twin_computes_while_updates_overlap(program):
         for word, value in values.items():
             address = program.state[word] + 2 * channel + bank
             assert machine.main[address] == FORMAT.to_bits(value), (channel, word)
-    assert len(state) > 4
+    assert len(state) > 4 or len(state) == program.channels
 
 
 def test_memories_are_as_small_as_block_ram_and_luts_come(program):

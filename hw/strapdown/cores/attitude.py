@@ -202,4 +202,5 @@ THESIS_X8 = THESIS.replace(
     channels=8, interval=106,
     pool=Pool(operators=(Adder(latency=5), Multiplier(latency=4), Divider(count=2, bits_per_cycle=1),
                          Arctangent(steps_per_cycle=1), Selector()),
-              forwarding=False, operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED))
+              forwarding=False, operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED,
+              side_memory=True))

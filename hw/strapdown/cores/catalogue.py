@@ -46,8 +46,8 @@ def make_core(module: str, config: Config) -> Core:
     """A Core, scheduled and ready to be elaborated. Raises: as ``system_of``."""
     system = system_of(module, config)
     if config.channels == 1:
-        return Core(system, config.pool)
-    return Core(system, config.pool, engine=StreamEngine, channels=config.channels, interval=config.interval)
+        return Core(system, config.engine_pool)
+    return Core(system, config.engine_pool, engine=StreamEngine, channels=config.channels, interval=config.interval)
 
 
 MODULES = {name: tuple(config for config in CONFIGS.values() if name in modules_of(config))

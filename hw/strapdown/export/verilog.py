@@ -124,5 +124,6 @@ def _configuration(config):
     hidden = {"pool"} if config.channels > 1 else {"pool", "channels", "interval"}
     return {
         **{field: getattr(config, field) for field in type(config).model_fields if field not in hidden},
-        **{name: value.value if isinstance(value, Enum) else value for name, value in config.pool.parameters.items()},
+        **{name: value.value if isinstance(value, Enum) else value
+           for name, value in config.engine_pool.parameters.items()},
         "format": config.pool.format.name, "subnormals": config.pool.format.subnormals.value}

@@ -158,7 +158,7 @@ class _Table(Problem):
                         default=0)
         sign = -1 if late else 1
         while True:
-            if all(self.machine.may_wait(sign * (cycle + offset - other), read, None)
+            if all(self.machine.may_wait(sign * (cycle + offset - other), read)
                    for offset, other, read in limits):
                 needs = self._needs(chain, offsets, cycle, taken)
                 if needs is not None:

@@ -2,13 +2,15 @@
 
 from abc import ABC, abstractmethod
 from collections import Counter
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
-from .pool import Pool, Unit
+from .pool import MemoryStyle, Pool, Unit
 from .trace import Graph, Node, Operand
 
-__all__ = ["BUSES", "Machine", "Problem", "Read", "Resource", "StreamMachine", "UpdateMachine", "kept", "reads"]
+__all__ = ["BUSES", "Machine", "Problem", "Read", "Resource", "StreamMachine", "UpdateMachine", "kept", "reads",
+           "streaming"]
 
 BUSES = {"main": "result bus", "side": "side bus"}
 """Names of the buses in reports."""
@@ -71,6 +73,10 @@ class Machine(ABC):
     def needs_step(self, node: Node) -> bool:
         """Whether a node takes a place in the schedule."""
 
+    def prepared(self, graph: Graph) -> Graph:
+        """The graph as the engine computes it, with copies of values that it cannot use where they are."""
+        return graph
+
     def units(self, node) -> list[Unit]:
         """Units that can compute a node; none for an input."""
         return self.pool.operations.get(node.operation, [])
@@ -96,7 +102,7 @@ class Machine(ABC):
         """Least number of cycles between a result and the issue that reads it."""
 
     @abstractmethod
-    def may_wait(self, wait, read, interval) -> bool:
+    def may_wait(self, wait, read) -> bool:
         """Whether a result can be read ``wait`` cycles after it is on the bus."""
 
     @abstractmethod
@@ -118,6 +124,8 @@ class UpdateMachine(Machine):
 
     def __init__(self, pool):
         super().__init__(pool)
+        if pool.side_memory and pool.operand_memory is not MemoryStyle.DISTRIBUTED:
+            raise ValueError("operand_memory must be distributed if there is a side memory")
         self.lead = self.first_issue = pool.memory_delay - 1
 
     def needs_step(self, node):
@@ -150,7 +158,8 @@ class UpdateMachine(Machine):
             taken = {self.port(unit) for unit in self.units(node)}
             for operand in dict.fromkeys(read.node for read in reads(node)):
                 ports.setdefault(operand, Counter()).update(taken if len(taken) == 1 else ())
-        result |= {node for node in graph.nodes if not all(unit.direct for unit in self.units(node))}
+        result |= {node for node in graph.nodes
+                   if not node.computed or not all(unit.direct for unit in self.units(node))}
         # Readers that share a port cannot all be issued in the cycle in which the result comes out.
         result |= {node for node, counts in ports.items() if max(counts.values(), default=0) > 1}
         return {node for node in result if self.needs_step(node)}
@@ -159,7 +168,7 @@ class UpdateMachine(Machine):
         from_memory = read.condition or read.node.operation == "state"
         return 0 if self.pool.forwarding and not from_memory else self.pool.memory_delay
 
-    def may_wait(self, wait, read, interval):
+    def may_wait(self, wait, read):
         return wait >= self.pool.memory_delay or self.forwards(wait, read)
 
     def fetched(self, read):
@@ -169,9 +178,12 @@ class UpdateMachine(Machine):
 class StreamMachine(Machine):
     """The rules of StreamEngine: an update begins every ``interval`` cycles, and several are in flight.
 
-    Every result goes over one of two buses to the memory of that bus. State words need no steps: operands find them in
-    memory. Inputs are registered for one interval. An operand's address is needed a cycle before the operand;
-    conditions wait in registers of their own.
+    Every result goes over a bus to the memory of that bus; with a side memory there are two. State words need no steps:
+    operands find them in memory. Inputs are registered for one interval. An operand's address is needed a cycle before
+    the operand; conditions wait in registers of their own. What is pipelined has its own pair of read ports if the pool
+    has private ports; all others share the first pair.
+
+    Raises: ValueError for a pool that forwards results.
     """
 
     MEMORY_DELAY, CONDITION_DELAY = 2, 1
@@ -179,6 +191,19 @@ class StreamMachine(Machine):
     lead = 1
     # The addresses of the first input and the first operation depend on what is known by then.
     first_input, first_issue = 1, 2
+
+    def __init__(self, pool):
+        super().__init__(pool)
+        if pool.forwarding:
+            raise ValueError("forwarding must be False for several channels: all operands come from memory")
+
+    def prepared(self, graph):
+        """The graph with a copy of each state word and constant whose sign is a condition or a status bit."""
+        readers = {node.condition.node: node for node in graph.nodes if node.condition is not None}
+        signs = {**readers, **{operand.node: operand.node for operand in graph.status.values()}}
+        copies = {node: Node("copy", (Operand(node),), section=reader.section, origin=reader.origin)
+                  for node, reader in signs.items() if not self.needs_step(node)}
+        return _with_signs(graph, copies) if copies else graph
 
     def needs_step(self, node):
         return node.operation not in ("constant", "state")
@@ -188,13 +213,21 @@ class StreamMachine(Machine):
         return 1 + units[0].latency if units else 0
 
     def port(self, unit):
-        # What is pipelined has a pair to itself if the pool says so; the others share the first pair.
         return unit.read_port if unit.direct else 0
 
     def buses(self, graph):
         own = set(graph.next_state.values())
-        preferred = {"input": ("side",), "multiply": ("side", "main"), "add": ("main", "side")}
-        return {node: ("main",) if node in own else preferred.get(node.operation, ("main",)) for node in graph.nodes}
+        return {node: ("main",) if node in own or not self.pool.side_memory else self._preferred(node)
+                for node in graph.nodes}
+
+    def _preferred(self, node):
+        """The buses of a value that is no state: inputs and the results of most read ports spare the main bus."""
+        units = self.units(node)
+        if not node.computed:
+            return ("side",)
+        if not all(unit.direct for unit in units):
+            return ("main",)
+        return ("side", "main") if self.port(units[0]) else ("main", "side")
 
     def on_bus(self, graph):
         return {node for node in graph.nodes if self.needs_step(node)}
@@ -202,11 +235,45 @@ class StreamMachine(Machine):
     def least_wait(self, read):
         return self.CONDITION_DELAY if read.condition else self.MEMORY_DELAY
 
-    def may_wait(self, wait, read, interval):
-        return self.least_wait(read) <= wait <= (interval if read.condition else 2 * interval)
+    def may_wait(self, wait, read):
+        return self.least_wait(read) <= wait
 
     def fetched(self, read):
         return not read.condition
+
+
+def streaming(pool: Pool) -> Pool:
+    """The pool for several channels that stands for a pool for one.
+
+    A pool that forwards results gets what many values need instead: no forwarding, operands in block RAM, and a side
+    memory. One that does not forward is taken as it is.
+    """
+    if not pool.forwarding:
+        return pool
+    return replace(pool, forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=True)
+
+
+def _with_signs(graph, copies):
+    """The graph, with conditions and status bits taken from ``copies`` of nodes."""
+    new: dict[Node, Node] = {}
+
+    def renewed(operand):
+        return Operand(new[operand.node], operand.negated)
+
+    def sign(operand):
+        return Operand(copies.get(operand.node) or new[operand.node], operand.negated)
+
+    nodes = []
+    for node in graph.nodes:
+        operands = tuple(renewed(operand) for operand in node.arguments)
+        if node.condition is not None:
+            operands += (sign(node.condition),)
+        new[node] = replace(node, operands=operands) if node.operands else node
+        nodes += [new[node], copies[node]] if node in copies else [new[node]]
+    return replace(
+        graph, nodes=tuple(nodes), outputs={name: new[node] for name, node in graph.outputs.items()},
+        next_state={word: new[node] for word, node in graph.next_state.items()},
+        status={name: sign(operand) for name, operand in graph.status.items()})
 
 
 class Resource(NamedTuple):

@@ -1,6 +1,8 @@
 """A schedule in which an update begins every so many cycles: modulo scheduling."""
 
 import random
+from collections import Counter
+from collections.abc import Hashable
 from heapq import heapify, heappop, heappush
 
 from .machine import Machine, Problem
@@ -11,7 +13,7 @@ from .trace import Graph, Node
 __all__ = ["modulo_schedule"]
 
 
-def modulo_schedule(graph: Graph, machine: Machine, interval: int) -> Schedule:
+def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None) -> Schedule:
     """Place every node of a graph in time, so that an update can begin every ``interval`` cycles.
 
     Nodes are placed backwards, because next-state values are the most constrained and inputs the least. Node after
@@ -20,14 +22,15 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int) -> Schedule:
     place of another node that finds a new one, which may in turn do so. Units that are busy for several cycles start on
     a grid, for which ports and bus are reserved, so that their idle cycles are not scattered. This is repeated from
     priorities with small random changes and other grids, the same in every run; the schedule with the fewest stages
-    wins, and of these the one that keeps least in the side memory.
+    wins, and of these the one that keeps least in the side memory. If no attempt succeeds, all are repeated thoroughly:
+    with reservations that end with the last operation on a unit, and with more searches.
 
     Parameters
     ----------
     graph : Graph
     machine : StreamMachine
-    interval : int
-        At least as long as every unit, bus and read port is taken.
+    interval : int or None
+        At least as long as every unit, bus and read port is taken. None: the shortest for which a schedule is found.
 
     Returns
     -------
@@ -38,36 +41,70 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int) -> Schedule:
     -----
     Source: Rau, Iterative modulo scheduling, MICRO-27, 1994; ejection instead of his eviction.
     """
+    graph = machine.prepared(graph)
     problem = Problem(graph, machine)
     resource, least = max(problem.intervals().items(), key=lambda bound: bound[1])
+    if interval is None:
+        return _shortest(problem, least)
     if interval < least:
         raise ValueError(f"interval must be at least {least}, as long as the {resource} is taken, not {interval!r}")
+    result = _scheduled(problem, interval)
+    if result is None:
+        raise ValueError(f"interval must be longer than {interval!r}: no schedule was found")
+    return result
+
+
+def _shortest(problem, least):
+    """The schedule of a short interval: from ``least`` in growing steps to one that is found, then by halves."""
+    failed, step = least - 1, 1
+    while (result := _scheduled(problem, failed + step)) is None:
+        failed, step = failed + step, 2 * step
+    while result.interval - failed > 1 + least // 128:
+        middle = (failed + result.interval) // 2
+        if shorter := _scheduled(problem, middle):
+            result = shorter
+        else:
+            failed = middle
+    return result
+
+
+def _scheduled(problem, interval):
+    """The best schedule of an interval; None if none is found."""
+    found = _schedules(problem, interval, thorough=False) or _schedules(problem, interval, thorough=True)
+    if not found:
+        return None
+    result = min(found, key=_cost)
+    result.verify()
+    return result
+
+
+def _schedules(problem, interval, *, thorough):
+    """What all attempts find."""
     rng = random.Random(0)
-    best = None
-    for attempt in range(ATTEMPTS):
-        spread = 0.4 * attempt / ATTEMPTS
+    found = []
+    attempts = max(2, min(ATTEMPTS[thorough], WORK // len(problem.nodes)))
+    for attempt in range(attempts):
+        spread = 0.4 * attempt / attempts
         priority = {node: -(problem.to_come[node] + problem.delay[node]) * (1 + rng.uniform(-spread, spread))
                     for node in problem.nodes}
-        steps = _Attempt(problem, interval).place(priority, rng)
-        if steps is None:
-            continue
-        found = Schedule(graph, machine, steps, interval)
-        lifetimes = {bus: sum(found.last_read[node] - write for node, write in found.written.items()
-                              if node in found.last_read and found.bus[node] == bus) for bus in ("side", "main")}
-        cost = found.stages, lifetimes["side"], lifetimes["main"]
-        if best is None or cost < best[0]:
-            best = cost, found
-    if best is None:
-        raise ValueError(f"interval must be longer than {interval!r}: no schedule was found")
-    best[1].verify()
-    return best[1]
+        if steps := _Attempt(problem, interval, thorough=thorough).place(priority, rng):
+            found.append(Schedule(problem.graph, problem.machine, steps, interval))
+    return found
 
 
-ATTEMPTS = 16
-"""How often the scheduler starts anew."""
+def _cost(schedule):
+    """Stages, and cycles for which values are kept in the side memory and in the main memory."""
+    kept = {bus: sum(schedule.last_read[node] - write for node, write in schedule.written.items()
+                     if node in schedule.last_read and schedule.bus[node] == bus) for bus in ("side", "main")}
+    return schedule.stages, kept["side"], kept["main"]
 
-PATIENCE = 3000
-"""Most searches in an attempt for another place of a node that is placed already."""
+
+ATTEMPTS, WORK = (16, 4), 10_000
+"""How often the scheduler starts anew, and thoroughly; and how many nodes it places in all: large graphs get fewer
+attempts."""
+
+PATIENCE = 3000, 30_000
+"""Most searches in an attempt for another place of a node that is placed already; and in a thorough one."""
 
 ROUNDS = 3
 """How often steps are moved to where they keep the fewest values."""
@@ -81,11 +118,14 @@ DEPTH = 2
 Place = tuple[int, str, Unit | None]
 """Cycle of issue, bus of the result, and unit; None for an input."""
 
+Slot = tuple[Hashable, int]
+"""A bus or a read port, and a cycle of the interval."""
+
 
 class _Attempt:
-    """A modulo reservation table that fills."""
+    """A modulo reservation table that fills: ``taken`` has the owners of slots, ``full`` a bit for each cycle."""
 
-    def __init__(self, problem, interval):
+    def __init__(self, problem, interval, *, thorough):
         self.problem, self.interval = problem, interval
         least = problem.machine.least_wait
         self.operands = {node: [(other, least(read)) for other, read in edges]
@@ -93,8 +133,10 @@ class _Attempt:
         self.readers = {node: [(other, least(read)) for other, read in edges]
                         for node, edges in problem.readers.items()}
         self.places: dict[Node, Place] = {}
-        self.taken: dict[tuple, Node | None] = {}
-        self.patience = PATIENCE
+        self.taken: dict[Slot, Node | None] = {}
+        self.full: dict[Hashable, int] = {}
+        self.patience = PATIENCE[thorough]
+        self.thorough = thorough
 
     def place(self, priority, rng):
         """Steps of all nodes, or None; the node of the lowest priority among those whose readers are placed first."""
@@ -102,6 +144,7 @@ class _Attempt:
         grids = self._grids(rng)
         if grids is None:
             return None
+        to_place = Counter(tuple(unit.name for unit in problem.units[node]) for node in problem.nodes)
         number = {node: index for index, node in enumerate(problem.nodes)}
         waiting = {node: len(self.readers[node]) for node in problem.nodes}
         queue = [(priority[node], number[node]) for node in problem.nodes if not waiting[node]]
@@ -115,6 +158,9 @@ class _Attempt:
                                   for name in units for start in grids[name])
                 grids[name].remove(cycle % self.interval)
                 self.places[node] = cycle, "main", units[name]
+                to_place[tuple(units)] -= 1
+                if self.thorough and not to_place[tuple(units)]:
+                    self._release(grids, units.values())
             elif not self._find(node, DEPTH):
                 return None
             for operand, _ in self.operands[node]:
@@ -150,11 +196,11 @@ class _Attempt:
                 own = 0 if wanted is None else COST[bus] * (wanted - cycle)
                 return own + sum(each * max(cycle - other, 0) for other, each in kept)
 
-            _, cycle, bus, index = min(
-                (cost(cycle, bus), cycle, bus, index) for cycle in range(earliest, latest + 1)
-                for bus in self.problem.buses[node] for index, unit in enumerate(self.problem.units[node])
-                if self.taken.keys().isdisjoint(self._slots(node, (cycle, bus, unit))))
-            self._put(node, (cycle, bus, self.problem.units[node][index]))
+            ways = [(bus, unit, self._free(node, bus, unit)) for bus, unit in self._ways(node)]
+            _, cycle, _, way = min(
+                (cost(cycle, bus), cycle, bus, way) for cycle in range(earliest, latest + 1)
+                for way, (bus, _, free) in enumerate(ways) if free >> cycle % self.interval & 1)
+            self._put(node, (cycle, *ways[way][:2]))
 
     def _grids(self, rng):
         """Slow unit to the cycles in which it may start, reserved on port and bus; None if there is no room."""
@@ -165,19 +211,28 @@ class _Attempt:
             for phase in range(self.interval):
                 starts = {(phase + cell * unit.interval) % self.interval
                           for cell in range(self.interval // unit.interval)}
-                slots: set[tuple] = {("port", self.problem.machine.port(unit), start) for start in starts}
-                slots |= {("main", (start + unit.latency + 1) % self.interval) for start in starts}
+                slots = self._reserved(unit, starts)
                 if self.taken.keys().isdisjoint(slots):
                     choices.append((starts, slots))
             if not choices:
                 return None
             grids[unit.name], slots = rng.choice(choices)
-            self.taken |= dict.fromkeys(slots)
+            self._occupy(slots, None)
         return grids
 
+    def _reserved(self, unit, starts):
+        """What a unit takes of port and bus if it starts in all these cycles."""
+        slots: set[Slot] = {(self.problem.machine.port(unit), start) for start in starts}
+        return slots | {("main", (start + unit.latency + 1) % self.interval) for start in starts}
+
+    def _release(self, grids, units):
+        """Give back what is reserved for units that have nothing more to do."""
+        for unit in units:
+            self._vacate(self._reserved(unit, grids[unit.name]))
+
     def _steps(self):
-        """The steps, with cycles counted from the beginning of the update; None if a value waits for too long."""
-        problem, machine = self.problem, self.problem.machine
+        """The steps, with cycles counted from the beginning of the update."""
+        machine = self.problem.machine
         begin = min(cycle - (machine.first_issue if unit else machine.first_input)
                     for cycle, _, unit in self.places.values())
         inputs = {cycle % self.interval for cycle, _, unit in self.places.values() if not unit}
@@ -189,52 +244,81 @@ class _Attempt:
             if not unit:
                 # Inputs are there for one interval only.
                 issue %= self.interval
-            write = issue + problem.delay[node]
-            if not all(machine.may_wait(self._issue(reader) - begin - write, read, self.interval)
-                       for reader, read in problem.readers[node]):
-                return None
-            steps.append(Step(node, unit.name if unit else "input", issue, write, bus=bus))
+            steps.append(Step(node, unit.name if unit else "input", issue, issue + self.problem.delay[node], bus=bus))
         return tuple(sorted(steps, key=lambda step: step.issue))
 
     def _latest(self, node):
         return min((self._issue(reader) - wait for reader, wait in self.readers[node] if reader in self.places),
                    default=0) - self.problem.delay[node]
 
-    def _cycles(self, node):
-        """Cycles to try, the best first: one interval of them, for then they repeat."""
-        latest = self._latest(node)
-        earliest = max((self._issue(operand) + self.problem.delay[operand] + wait
-                        for operand, wait in self.operands[node] if operand in self.places),
-                       default=latest - self.interval + 1)
-        return range(latest, max(earliest, latest - self.interval + 1) - 1, -1)
+    def _earliest(self, node):
+        """First cycle that is worth a try: all of an interval, for then they repeat, but none before the operands."""
+        before = max((self._issue(operand) + self.problem.delay[operand] + wait
+                      for operand, wait in self.operands[node] if operand in self.places), default=None)
+        least = self._latest(node) - self.interval + 1
+        return least if before is None else max(before, least)
+
+    def _ways(self, node):
+        """Buses and units that a node can take, in order of preference."""
+        return [(bus, unit) for bus in self.problem.buses[node] for unit in self.problem.units[node] or [None]]
+
+    def _free(self, node, bus, unit):
+        """Cycles of the interval in which a node finds port and bus free, a bit each."""
+        shift, everything = self.problem.delay[node] % self.interval, (1 << self.interval) - 1
+        full = self.full.get(bus, 0)
+        full = full >> shift | full << (self.interval - shift)
+        if unit:
+            full |= self.full.get(self.problem.machine.port(unit), 0)
+        return ~full & everything
 
     def _slots(self, node, place):
         """What a node takes of the table."""
         cycle, bus, unit = place
-        slots: list[tuple] = [(bus, (cycle + self.problem.delay[node]) % self.interval)]
+        slots: list[Slot] = [(bus, (cycle + self.problem.delay[node]) % self.interval)]
         if unit:
-            slots.append(("port", self.problem.machine.port(unit), cycle % self.interval))
+            slots.append((self.problem.machine.port(unit), cycle % self.interval))
         return slots
+
+    def _occupy(self, slots, node):
+        for resource, cycle in slots:
+            self.taken[resource, cycle] = node
+            self.full[resource] = self.full.get(resource, 0) | 1 << cycle
+
+    def _vacate(self, slots):
+        for resource, cycle in slots:
+            del self.taken[resource, cycle]
+            self.full[resource] &= ~(1 << cycle)
 
     def _put(self, node, place):
         self.places[node] = place
-        self.taken |= dict.fromkeys(self._slots(node, place), node)
+        self._occupy(self._slots(node, place), node)
 
     def _take(self, node):
-        for slot in self._slots(node, self.places.pop(node)):
-            del self.taken[slot]
+        self._vacate(self._slots(node, self.places.pop(node)))
+
+    def _latest_free(self, node, earliest, latest):
+        """The place with the latest cycle that is free, of less than an interval of them; None if there is none."""
+        best = None
+        for bus, unit in self._ways(node):
+            free = self._free(node, bus, unit)
+            # The latest cycle becomes the highest bit.
+            turn = self.interval - 1 - latest % self.interval
+            free = (free << turn | free >> (self.interval - turn)) & ((1 << self.interval) - 1)
+            cycle = latest - (self.interval - free.bit_length())
+            if free and cycle >= earliest and (best is None or cycle > best[0]):
+                best = cycle, bus, unit
+        return best
 
     def _find(self, node, depth):
         """Place a node, and for its sake up to ``depth`` others anew; whether there is a place."""
-        choices: list[Place] = [(cycle, bus, unit) for cycle in self._cycles(node) for bus in self.problem.buses[node]
-                                for unit in self.problem.units[node] or [None]]
-        for place in choices:
-            if self.taken.keys().isdisjoint(self._slots(node, place)):
-                self._put(node, place)
-                return True
+        earliest, latest = self._earliest(node), self._latest(node)
+        if place := self._latest_free(node, earliest, latest):
+            self._put(node, place)
+            return True
         if not depth:
             return False
-        for place in choices:
+        ways = self._ways(node)
+        for place in ((cycle, *way) for cycle in range(latest, earliest - 1, -1) for way in ways):
             if not self.patience:
                 return False
             self.patience -= 1

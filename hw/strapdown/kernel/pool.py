@@ -113,8 +113,6 @@ class Pool:
                 offered[operation.name] = each.name
         if "copy" not in offered:
             raise ValueError("operators must include a Selector, which copies numbers")
-        if self.side_memory and self.operand_memory is not MemoryStyle.DISTRIBUTED:
-            raise ValueError("operand_memory must be distributed if there is a side memory")
         _ = self.units  # each operator checks its parameters
 
     def with_operators(self, *operators):

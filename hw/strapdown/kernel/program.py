@@ -16,8 +16,8 @@ from .trace import Node, Operand
 __all__ = ["NEXT", "PLAIN", "STATE", "TURNED", "Program", "StreamProgram", "UpdateProgram"]
 
 PLAIN, TURNED, STATE, NEXT = "plain", "turned", "state", "next"
-"""Kinds of addresses in a stream program: as it is; with the lowest bit turned in every other interval; a word of
-the state, and of the next state, of the channel in a stage."""
+"""Kinds of addresses in a stream program: as it is; with low bits that count the intervals; a word of the state, and of
+the next state, of the channel in a stage."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Program(ABC):
     @property
     @abstractmethod
     def addresses(self) -> dict[Node, int]:
-        """Address of every value, in the memory of its bus; of two addresses the even one."""
+        """Address of every value, in the memory of its bus; the lowest of several."""
 
     @property
     @abstractmethod
@@ -96,7 +96,7 @@ class Program(ABC):
     @cached_property
     def side_depth(self):
         """Words of the side memory: a power of two, or 0 if there is none."""
-        used = max((self.addresses[node] + self._turned(node) for node in self.schedule.aside), default=-1) + 1
+        used = max((self.addresses[node] + self._copies(node) for node in self.schedule.aside), default=0)
         return 1 << (used - 1).bit_length() if used else 0
 
     def _lifetime(self, node):
@@ -104,9 +104,10 @@ class Program(ABC):
         write = self.schedule.written[node]
         return write, max(self.schedule.last_read.get(node, 0) - write, 1)
 
-    def _turned(self, node):
-        """Whether a value has two addresses, for every other update: it is wanted for longer than a period."""
-        return self._lifetime(node)[1] > self.length
+    def _copies(self, node):
+        """How many addresses a value has, a power of two: as many as updates in flight that need it at once."""
+        periods = -(-self._lifetime(node)[1] // self.length)
+        return 1 << (periods - 1).bit_length()
 
     def _allocated(self, nodes, free: Sequence[int]):
         """Address of each node, in order: the first of ``free`` that no other has while this one is kept.
@@ -121,7 +122,7 @@ class Program(ABC):
             mask = ((1 << min(cycles, self.length)) - 1) << begin
             mask = (mask | mask >> self.length) & ((1 << self.length) - 1)
             for address in free:
-                wanted = [address, address + 1] if self._turned(node) else [address]
+                wanted = range(address, address + self._copies(node))
                 if address % len(wanted) == 0 and all(not taken.get(each, -1) & mask for each in wanted):
                     break
             else:
@@ -390,7 +391,8 @@ class StreamProgram(Program):
     The main memory has a lower half for the state, word k of channel c and bank b at
     ``(k * channels + c) * 2 + b``, and an upper half in which the same word stands as after a reset,
     where c and b are zero, with constants and values of updates around it.
-    A value that is wanted for longer than an interval has two addresses, for every other update.
+    A value that is wanted for longer than an interval has two addresses, for every other update, or a higher power of
+    two.
 
     Parameters
     ----------
@@ -450,7 +452,7 @@ class StreamProgram(Program):
     @cached_property
     def _side(self):
         nodes = self._longest_first(node for node, bus in self.schedule.bus.items() if bus == "side")
-        return self._allocated(nodes, range(2 * len(nodes)))
+        return self._allocated(nodes, range(2 * sum(map(self._copies, nodes))))
 
     def _longest_first(self, nodes):
         return sorted(nodes, key=lambda node: -self._lifetime(node)[1])
@@ -486,11 +488,18 @@ class StreamProgram(Program):
 
     @cached_property
     def kinds(self):
-        """Kinds of addresses, in the order of their numbers: pairs of a kind and, of the state, a stage."""
-        stages = range(self.schedule.stages)
+        """Kinds of addresses, in the order of their numbers: pairs of a kind and its parameter, which is the number of
+        bits that turn, or the stage of the update whose state it is."""
+        turned = {(TURNED, self._copies(node).bit_length() - 1) for node in self.addresses if self._copies(node) > 2}
         read_again = {(NEXT, self._stage(step.issue - 2)) for step in self.schedule.steps
                       for read in reads(step.node) if not read.condition and read.node in self._own}
-        return ((PLAIN, 0), (TURNED, 0), *((STATE, stage) for stage in stages), *sorted(read_again))
+        return ((PLAIN, 0), (TURNED, 1), *((STATE, stage) for stage in range(self.schedule.stages)),
+                *sorted(turned), *sorted(read_again))
+
+    @property
+    def turning_bits(self):
+        """Most bits of an address that turn."""
+        return max(parameter for kind, parameter in self.kinds if kind == TURNED)
 
     @cached_property
     def _own(self):
@@ -534,8 +543,9 @@ class StreamProgram(Program):
             address, kind = self.constants[node.value], (PLAIN, 0)
         elif node.operation == "state" or node in self._own:
             address, kind = self.state[self._own.get(node, node.label)], (state, stage)
-        elif self._turned(node):
-            address, kind = self.addresses[node] + stage % 2, (TURNED, 0)
+        elif (copies := self._copies(node)) > 1:
+            # The engine adds the number of the latest update: what is left is that of the update in the stage.
+            address, kind = self.addresses[node] + -stage % copies, (TURNED, copies.bit_length() - 1)
         else:
             address, kind = self.addresses[node], (PLAIN, 0)
         return {"address": address, "kind": self.kinds.index(kind)}

@@ -203,6 +203,6 @@ class Schedule:
                     assert not read.condition or machine.fetched(read), f"the condition of {step.node} is not computed"
                     continue
                 wait = step.issue - written[read.node]
-                assert machine.may_wait(wait, read, self.interval), \
+                assert machine.may_wait(wait, read), \
                     f"{step.node} cannot read {read.node} after {wait} cycles"
                 assert read.node in stored or self.forwarded(step, read), f"{read.node} is not stored for {step.node}"

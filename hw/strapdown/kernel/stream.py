@@ -26,13 +26,14 @@ class StreamEngine(SystemComponent):
     Parameters
     ----------
     system : System
-        Equations and interface, with a status port.
+        Equations and interface.
     pool : Pool
-        Operators; those the equations do not use are left out.
+        Operators, without forwarding; those the equations do not use are left out. ``machine.streaming`` makes such a
+        pool from one for a single channel.
     channels : int
-        Number of states, a power of two.
-    interval : int
-        Cycles between two samples that are taken.
+        Number of states, a power of two from 2 to 64.
+    interval : int or None
+        Cycles between two samples that are taken. None: the least for which a schedule is found.
 
     Members
     -------
@@ -48,19 +49,20 @@ class StreamEngine(SystemComponent):
     *output ports* : Out(format.width)
         Hold from one finish to the next. An update that is refused leaves them as they were.
     *status* : Out(len(status_names))
-        Bits in the order of ``status_names``; of the update that finished last.
+        Bits in the order of ``status_names``, of the update that finished last; if the system has a status port.
 
     All other members have the names that the system gives them.
 
     Latency: ``latency`` cycles from the edge that takes a sample to the one that raises its finish,
     whatever else is in flight.
     State: of each channel in two banks; an update reads the one and writes the other, and its end
-    makes the other the current one. An update is refused because a number in it was NaN or
-    infinite; its channel keeps its state.
-    Raises: ValueError if there is no schedule of that interval, or ``channels`` is no power of two.
+    makes the other the current one. If the system has a status port, an update is refused because a number
+    in it was NaN or infinite; its channel keeps its state. Without one, NaN and infinity go on to outputs and state.
+    Raises: ValueError if there is no schedule of that interval, for other numbers of channels, and for a pool that
+    forwards results.
     """
 
-    def __init__(self, system, pool, *, channels, interval):
+    def __init__(self, system, pool, *, channels, interval=None):
         self._system = system
         self._program = StreamProgram(modulo_schedule(system.trace(pool), StreamMachine(pool), interval), channels)
         super().__init__({port.name: port.member for port in self.ports})
@@ -125,7 +127,7 @@ class StreamEngine(SystemComponent):
     @property
     def status_names(self):
         """Names of the status bits, lowest first."""
-        return (*self._system.status, REFUSED)
+        return (*self._system.status, REFUSED) if self._system.status_port else ()
 
     def elaborate(self, platform):
         m = Module()
@@ -135,7 +137,8 @@ class StreamEngine(SystemComponent):
         captured = self._inputs(m, control)
         word, write_main = self._word(m, control, stages)
         buses, condition = self._datapath(m, word, write_main, captured)
-        self._judge(m, control, stages, word, buses)
+        if self.status_names:
+            self._judge(m, control, stages, word, buses)
         if condition is not None:
             self._conditions(m, control, word, buses, condition)
         self._outputs(m, control, stages, buses)
@@ -160,16 +163,21 @@ class StreamEngine(SystemComponent):
         following, goes = Signal(range(length), name="following"), Signal(name="goes")
         beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
         busy = Signal(program.channels)
-        start = getattr(self, self._system.start)
+        start, ready = getattr(self, self._system.start), beginning
+        if program.schedule.pool.microcode is MemoryStyle.BLOCK:
+            # After a reset, the first word needs a clock edge to come out of the ROM.
+            primed = Signal(name="primed")
+            m.d.sync += primed.eq(1)
+            ready = beginning & primed
         m.d.comb += [
-            self.in_ready.eq(beginning & ~busy.bit_select(self.in_channel, 1)), taken.eq(start & self.in_ready),
+            self.in_ready.eq(ready & ~busy.bit_select(self.in_channel, 1)), taken.eq(start & self.in_ready),
             goes.eq(~beginning | taken | Cat(stages.valid).any()),
             following.eq(Mux(counter == length - 1, 0, counter + goes))]
         m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]
-        turn = Signal(name="turn")
+        turn = Signal(program.turning_bits, name="turn")
         commit, refuse = Signal(name="commit"), Signal(name="refuse")
         m.d.comb += [commit.eq((slot == schedule.commit % length) & stages.valid[-1]), refuse.eq(stages.bad[-1])]
-        return Control(counter, slot, beginning, taken, busy, turn, commit, refuse)
+        return Control(counter, following, slot, beginning, taken, busy, turn, commit, refuse)
 
     def _banks(self, m, control, stages):
         """Banks by channel; what an update needs of them goes with it from stage to stage."""
@@ -185,8 +193,8 @@ class StreamEngine(SystemComponent):
             m.d.sync += control.busy.bit_select(number, 1).eq(1)
         # While the counter waits, stages without an update are handed on, again and again.
         with m.If(control.beginning):
-            m.d.sync += [control.turn.eq(~control.turn),
-                         stages.valid[0].eq(control.taken), stages.channel[0].eq(number),
+            turned = ~control.turn if len(control.turn) == 1 else control.turn + 1
+            m.d.sync += [control.turn.eq(turned), stages.valid[0].eq(control.taken), stages.channel[0].eq(number),
                          stages.bank[0].eq(banks.bit_select(number, 1)),
                          stages.fresh[0].eq(freshness.bit_select(number, 1))]
             for signals in stages.valid, stages.channel, stages.bank, stages.fresh:
@@ -200,10 +208,14 @@ class StreamEngine(SystemComponent):
         """The word that acts, its addresses settled by what is known of each stage; and whether it writes to the main
         memory: what is written of a stage without an update is lost, but must not touch any state."""
         program = self._program
-        m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words)
-        fetch = rom.read_port(domain="comb")
+        style = program.schedule.pool.microcode
+        in_block = style is MemoryStyle.BLOCK
+        # Block RAM holds the word of the counter because it is read with the counter's next value.
+        m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
+                                              attrs={"rom_style": style.value} if in_block else {})
+        fetch = rom.read_port(domain="sync" if in_block else "comb")
         settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word")
-        m.d.comb += [fetch.addr.eq(control.counter), settled.eq(fetch.data)]
+        m.d.comb += [fetch.addr.eq(control.following if in_block else control.counter), settled.eq(fetch.data)]
         m.d.sync += word.eq(settled)
         known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))
         state = [Mux(fresh, program.upper, Cat(bank, channel)) for fresh, bank, channel in known]
@@ -215,12 +227,12 @@ class StreamEngine(SystemComponent):
             for name in path:
                 read, address = read[name], address[name]
             with m.Switch(read.kind):
-                for index, (kind, stage) in enumerate(program.kinds):
+                for index, (kind, parameter) in enumerate(program.kinds):
                     with m.Case(index):
                         if kind == TURNED:
-                            m.d.comb += address.address.eq(read.address ^ control.turn)
+                            m.d.comb += address.address.eq(_turned(read.address, control.turn[:parameter]))
                         elif kind in words:
-                            m.d.comb += address.address.eq(read.address | words[kind][stage])
+                            m.d.comb += address.address.eq(read.address | words[kind][parameter])
 
         for port in program.read_ports:
             for side in "ab":
@@ -242,7 +254,8 @@ class StreamEngine(SystemComponent):
     def _datapath(self, m, word, write_main, captured):
         """Memories, operators and buses; returns the buses by name, and the condition of a choice, if there is any."""
         program = self._program
-        m.submodules.main_memory = main = memory(program, program.depth, MemoryStyle.BLOCK, program.initial)
+        style = program.schedule.pool.operand_memory
+        m.submodules.main_memory = main = memory(program, program.depth, style, program.initial)
         memories = {"main": (main, write_main)}
         if program.side_depth:
             m.submodules.side_memory = aside = memory(program, program.side_depth, MemoryStyle.DISTRIBUTED)
@@ -321,16 +334,25 @@ class StreamEngine(SystemComponent):
         def kept(node, part, name):
             return self._kept(m, control, node, part(buses[schedule.bus[node]]), schedule.commit, name)[-1]
 
-        status = [kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated
-                  for name, operand in graph.status.items()]
+        shown = [self.out_channel.eq(stages.channel[-1])]
+        if self.status_names:
+            status = [kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated
+                      for name, operand in graph.status.items()]
+            shown.append(getattr(self, self._system.status_port).eq(
+                Cat(*(bit & ~control.refuse for bit in status), control.refuse)))
         with m.If(control.commit):
-            m.d.sync += [self.out_channel.eq(stages.channel[-1]),
-                         getattr(self, self._system.status_port).eq(
-                             Cat(*(bit & ~control.refuse for bit in status), control.refuse))]
+            m.d.sync += shown
         for port, node in graph.outputs.items():
             value = kept(node, lambda bus: bus.as_value(), f"{port}_d")
             with m.If(control.commit & ~control.refuse):
                 m.d.sync += getattr(self, port).eq(value)
+
+
+def _turned(address, turn):
+    """An address whose low bits count up with ``turn``."""
+    if len(turn) == 1:
+        return address ^ turn
+    return Cat((address[:len(turn)] + turn)[:len(turn)], address[len(turn):])
 
 
 class Stages(NamedTuple):
@@ -349,6 +371,7 @@ class Control(NamedTuple):
     channel."""
 
     counter: Signal
+    following: Signal
     slot: Signal
     beginning: Signal
     taken: Signal

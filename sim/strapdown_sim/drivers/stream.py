@@ -43,7 +43,8 @@ class StreamModel:
                           f"{engine}main_memory[{address} + 2 * dut->out_channel + {bank}]")
                    for word, address in program.state.items()}
         self._model = VerilatedModel(verilog, Interface(
-            system.name, (*system.input_ports, "in_channel"), (*system.output_ports, "out_channel", system.status_port),
+            system.name, (*system.input_ports, "in_channel"),
+            (*system.output_ports, "out_channel", *([system.status_port] if system.status_port else [])),
             start=system.start, finish=system.finish, ready="in_ready", probes=probes), build)
 
     def update(self, channels: ArrayLike, inputs: Mapping[str, ArrayLike], idle: ArrayLike = 0, *,
@@ -96,7 +97,7 @@ class StreamModel:
                 values[rows[1:]] = result[word][rows[:-1]]
         taken = {port: np.asarray(values)[result["row"]] for port, values in inputs.items()}
         twin = system.update_twin(self.core.engine.program.schedule.pool, taken, before)
-        refused, count = twin["refused"], 0
+        refused, count = twin.get("refused", np.zeros(len(channel), dtype=bool)), 0
         for name in (*system.output_ports, *self._state):
             # Outputs hold what the update before, of any channel, has shown; zero after a reset.
             held = before.get(name, np.concatenate(([fmt.array(0)], result[name][:-1])))
@@ -104,6 +105,8 @@ class StreamModel:
                 held[np.flatnonzero(np.diff(epoch, prepend=-1))] = 0
             expected = np.where(refused, held, twin[name])
             count += int(np.bitwise_count(fmt.to_bits(expected) ^ fmt.to_bits(result[name])).sum())
+        if not system.status_port:
+            return count
         expected = sum(((twin[name] & ~refused) if name != "refused" else refused).astype(int) << bit
                        for bit, name in enumerate(self.core.engine.status_names))
         return count + int(np.bitwise_count(expected ^ result[system.status_port]).sum())

@@ -1,0 +1,84 @@
+"""The rules of both engines, and the bounds that follow from them."""
+
+from dataclasses import replace
+
+import pytest
+
+from strapdown.cores import ATTITUDE_CORES, FLIGHT, THESIS, THESIS_COMPACT, THESIS_X8
+from strapdown.cores.flight import ins_flight
+from strapdown.kernel.list_scheduler import list_schedule
+from strapdown.kernel.machine import Problem, StreamMachine, UpdateMachine, streaming
+from strapdown.kernel.pool import MemoryStyle, Pool
+from strapdown.kernel.trace import Tracer
+
+
+def test_a_side_memory_wants_operands_in_luts():
+    pool = Pool(operand_memory=MemoryStyle.BLOCK, side_memory=True)
+    with pytest.raises(ValueError, match=r"^operand_memory must be distributed if there is a side memory$"):
+        UpdateMachine(pool)
+    StreamMachine(replace(pool, forwarding=False))
+
+
+def test_several_channels_do_without_forwarding():
+    with pytest.raises(ValueError, match=r"^forwarding must be False for several channels: all operands come from me"):
+        StreamMachine(Pool())
+
+
+def test_a_pool_that_forwards_has_a_counterpart_for_several_channels():
+    pool = streaming(Pool())
+    assert pool == Pool(forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=True)
+    assert streaming(pool) is pool
+    for config in THESIS_X8, THESIS_COMPACT:
+        assert streaming(config.pool) is config.pool
+
+
+def test_one_read_port_and_one_bus_are_obeyed():
+    pool = Pool(forwarding=False, private_ports=False)
+    machine, graph = StreamMachine(pool), ATTITUDE_CORES["INS_quat"](THESIS).trace(pool)
+    problem = Problem(graph, machine)
+    operations = sum(graph.count().values())
+    assert {machine.port(unit) for unit in pool.units} == {0}
+    assert problem.intervals()["read port 0"] == operations
+    assert problem.intervals()["result bus"] == len(problem.nodes) > operations
+
+
+def test_signs_that_several_channels_cannot_keep_are_copied():
+    pool = streaming(FLIGHT.pool)
+    machine, graph = StreamMachine(pool), ins_flight(FLIGHT).trace(pool)
+    prepared = machine.prepared(graph)
+    signs = {node.condition.node for node in graph.nodes if node.condition is not None}
+    states = {node.label for node in signs if node.operation == "state"}
+    copies = [node for node in prepared.nodes if node.operation == "copy" and node not in graph.nodes
+              and node.operands[0].node.label in states]
+    assert states
+    assert {node.operands[0].node.label for node in copies} == states
+    assert all(machine.needs_step(node.condition.node) for node in prepared.nodes if node.condition is not None)
+    assert {word: str(node) for word, node in prepared.next_state.items()} == {
+        word: str(node) for word, node in graph.next_state.items()}
+    # Nothing to copy, nothing changed.
+    graph = ATTITUDE_CORES["INS_top"](THESIS).trace(pool)
+    assert machine.prepared(graph) is graph
+
+
+@pytest.mark.parametrize("pool", [Pool(forwarding=False), Pool()], ids=["memory", "forwarding"])
+def test_bounds_count_results_on_the_bus(pool):
+    xp = Tracer(pool, ("ONLY",))
+    ports = [f"x{index}" for index in range(20)]
+    first, *others = [xp.source("input", port) for port in ports]
+    graph = xp.graph(inputs=tuple(ports), outputs={
+        f"y{index}": xp.settled(first * value) for index, value in enumerate(others)})
+    # All inputs and products pass the bus, one a cycle; the first input is there after a cycle.
+    bounds = Problem(graph, UpdateMachine(pool)).lengths()
+    assert bounds["result bus"] == 1 + 20 + 19
+    assert bounds["result bus"] == max(bounds.values()) <= list_schedule(graph, UpdateMachine(pool)).length
+
+
+def test_bounds_count_results_on_both_buses():
+    pool = Pool(forwarding=False, side_memory=True)
+    graph = ATTITUDE_CORES["INS_top"](THESIS).trace(pool)
+    machine = UpdateMachine(pool)
+    bounds, result = Problem(graph, machine).lengths(), list_schedule(graph, machine)
+    assert bounds["pair of buses"] > len(Problem(graph, machine).nodes) // 2
+    assert max(bounds.values()) <= result.length
+    # With one bus there is no pair.
+    assert "pair of buses" not in Problem(graph, UpdateMachine(replace(pool, side_memory=False))).lengths()
