@@ -177,6 +177,7 @@ class Top(Described):
     def __init__(self, component, *, control=CORE_CONTROL):
         self._component, self._control = component, control
         super().__init__({port.name: port.member for port in self.ports})
+        # The component's signals are the ports themselves: there is nothing to connect.
         vars(self).update({name: getattr(component, name) for name in component.signature.members})
 
     @property
