@@ -60,7 +60,7 @@ class UartLink(Wrapper):
             added=(Port("uart_tx", Out, 1, "serial line, 8N1, high while idle", init=1),
                    Port("out_link_busy", Out, 1, "high while a frame is sent"),
                    Port("out_link_overrun", Out, 1,
-                        "an update was not sent, because a frame was; cleared by the next frame")))
+                        "the last update was not sent, because a frame was being sent")))
 
     @property
     def sender(self):
@@ -70,15 +70,15 @@ class UartLink(Wrapper):
     @property
     def equations(self):
         """None: the header of the core without the link quotes them."""
-        return None
+        return ()
 
     @property
     def sections(self):
         """Frame, payload and timing."""
         system, sender = self.system, self._sender
-        timing = (f"As {system.name}: {system.finish} rises {self.latency} cycles after the edge that takes a start. "
-                  f"A frame begins two cycles later; it has {sender.size} bytes and takes {sender.interval} cycles, "
-                  f"{sender.divisor} to a bit.")
+        timing = (f"As in {system.name}, {system.finish} rises {self.latency} cycles after the edge that takes a "
+                  f"start. A frame begins two cycles later; it has {sender.size} bytes and takes {sender.interval} "
+                  f"cycles, {sender.divisor} per bit.")
         return (Section("FRAME", rows=tuple((field.name, field.size or "length", field.meaning) for field in LAYOUT)),
                 Section("PAYLOAD", rows=tuple((quantity.name, quantity.unit, quantity.meaning)
                                               for quantity in self._frame_type.quantities)),

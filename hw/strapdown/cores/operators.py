@@ -133,7 +133,7 @@ class RankedOperator(Described):
     def ports(self):
         """The ports: new data, ready, operands, result."""
         return (Port(self._kind.new_data, In, 1, "new data: takes the operands"),
-                Port("rdy", Out, 1, "high while the result of an operation is there"),
+                Port("rdy", Out, 1, "high while the result of an operation is valid"),
                 *self._kind.operands, self._kind.result)
 
     @property
@@ -159,15 +159,15 @@ class RankedOperator(Described):
     @property
     def equations(self):
         """None."""
-        return None
+        return ()
 
     @property
     def sections(self):
         """Timing and numbers."""
         timing = (
             f"Operands are taken at each rising edge of clk with {self._kind.new_data} and ce high, one operation a "
-            f"cycle. rdy is high with the result {self._latency} edges with ce high later, the taking one counted. "
-            "While ce is low, all registers hold. sclr high at a rising edge takes back all operations under way, "
+            f"cycle. rdy is high with the result {self._latency} edges with ce high later, counting the first one. "
+            "While ce is low, all registers hold. sclr high at a rising edge cancels all operations in flight, "
             "whatever ce is.")
         ranks = f"The operator has {self._operator.latency} register ranks" + (
             f"; {self.extra_ranks} more follow it, which synthesis may move into it (retiming)."
@@ -213,10 +213,10 @@ class VendorOperator(Top):
     operation_nd (``atan``: nd) : In(1)
         New data: the operands are taken at a rising edge of ``clk`` with this and ``ce`` high.
     clk, sclr, ce : In(1)
-        Clock; synchronous clear, which takes back all operations in flight, at ``ce`` low too;
+        Clock; synchronous clear, which cancels all operations in flight, also while ``ce`` is low;
         clock enable, without which registers hold.
     rdy : Out(1)
-        High while the result of an operation is there.
+        High while the result of an operation is valid.
     Operands and result have the vendor's names; see ``kind``.
 
     Latency: ``latency`` cycles with ``ce`` high; one operation per cycle; no back-pressure.
@@ -281,7 +281,7 @@ def _recurrence(make):
 _A, _B = (Port(name, In, 32, f"binary32, {name}") for name in "ab")
 _FLOAT = Port("result", Out, 32, "binary32")
 _ROUNDED = "Rounded to nearest, ties to even."
-_NANS = "Every NaN that comes out is 7fc00000."
+_NANS = "Every NaN result is 7fc00000."
 _KINDS = (
     VendorKind("add", "a + b", 11, 1, _pipeline(FpAdd, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
@@ -297,20 +297,20 @@ _KINDS = (
                (_ROUNDED, "x / 0 is infinity; 0 / 0 and infinity / infinity are NaN.", _NANS)),
     VendorKind("sqrt", "square root of a", 28, 3, _recurrence(FpSquareRoot),
                lambda op, a: op.compute(a), (_A,), _FLOAT,
-               (_ROUNDED, "The root of -0 is -0, that of other negative numbers NaN.", _NANS)),
+               (_ROUNDED, "The root of -0 is -0; the root of another negative number is NaN.", _NANS)),
     VendorKind("equl", "a = b", 2, 1, _pipeline(FpCompare, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b).equal, (_A, _B),
                Port("result", Out, 1, "1 if a = b", vector=True),
-               ("+0 equals -0; a NaN equals nothing.",), members={"result": "equal"}),
+               ("+0 equals -0; a NaN equals no number.",), members={"result": "equal"}),
     VendorKind("less", "a < b", 2, 1, _pipeline(FpCompare, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b).less, (_A, _B),
                Port("result", Out, 1, "1 if a < b", vector=True),
-               ("+0 is not above -0; a NaN is less than nothing, and nothing than it.",), members={"result": "less"}),
+               ("-0 is not less than +0; a comparison with a NaN gives 0.",), members={"result": "less"}),
     VendorKind("fl32tofi16", "fixed point with 14 fraction bits from binary32", 6, 1,
                _pipeline(FpToFixed, format=FLUSHED32, width=16, fraction_bits=14),
                lambda op, a: op.compute(a), (_A,),
                Port("result", Out, 16, "two's complement, 14 fraction bits"),
-               (_ROUNDED, "What exceeds the range becomes the nearest end of it, infinities included.",
+               (_ROUNDED, "A number out of range becomes the nearest end of the range, infinities included.",
                 "NaN becomes the largest number.")),
     VendorKind("fi16tofl32", "binary32 from fixed point with 13 fraction bits", 6, 1,
                _pipeline(FixedToFp, format=FLUSHED32, width=16, fraction_bits=13),
@@ -322,7 +322,7 @@ _KINDS = (
                (Port("x_in", In, 16, "two's complement, 14 fraction bits"),
                 Port("y_in", In, 16, "two's complement, 14 fraction bits")),
                Port("phase_out", Out, 16, "two's complement, 13 fraction bits, rad"),
-               ("Within 0.73 * 2^-13 rad, however short the vector.", "All four quadrants, -pi to pi.",
+               ("Within 0.73 * 2^-13 rad, for vectors of any length.", "All four quadrants, -pi to pi.",
                 "The angle of (0, 0) is 0."), new_data="nd"),
 )
 

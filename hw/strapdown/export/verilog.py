@@ -88,7 +88,7 @@ def _header(top, config):
     made = f"Made by strapdown {version('strapdown')}{source}."
     lines = [f"{component.name}: {component.title}", ""]
     lines += [made, f"Change {changed}, not this file."] if config else [f"{made} Change {changed}, not this file."]
-    if component.equations is not None:
+    if component.equations:
         lines += ["", "EQUATIONS"]
         for kernel in component.equations:
             lines += _paragraph(f"{kernel.__name__}: " + (inspect.getdoc(kernel) or "").split("\n\n")[0])

@@ -85,11 +85,12 @@ class Engine(SystemComponent):
         system, schedule = self._system, self._program.schedule
         firsts = (0, *(end + 1 for end in schedule.section_ends))
         spans = [f"cycles {first} to {end}" for first, end in zip(firsts, schedule.section_ends, strict=False)]
-        last = f"cycle {firsts[-1]}: shows the outputs" + (", turns the state's banks" if system.state else "")
+        last = f"cycle {firsts[-1]}: shows the outputs" + (", switches the banks of the state" if system.state else "")
         timing = (
             f"{system.start} is sampled at the rising edge of clk while the core is idle, together with all inputs, "
             f"which may change afterwards. {system.finish} falls at that edge and rises {self.latency} cycles later, "
-            "in every update, with all outputs, which then hold. A new start can be taken at the next edge.")
+            "in every update, with all outputs, which hold until the next finish. The next start can be taken one edge "
+            "later.")
         return (Section("TIMING", paragraphs=(timing,)),
                 Section("SEQUENCER (engine.state)", rows=tuple(
                     zip(range(len(self.state_names)), self.state_names, ("waits for a start", *spans, last),

@@ -88,12 +88,12 @@ class StreamEngine(SystemComponent):
         system, program, meanings = self._system, self._program, self._system.port_meanings
         width, channel = program.format.width, exact_log2(program.channels)
         return (Port(system.start, In, 1, "offers a sample"),
-                Port(READY, Out, 1, "high when an offered sample is taken; depends on in_channel"),
-                Port(IN_CHANNEL, In, channel, "whose sample it is"),
+                Port(READY, Out, 1, "high if an offered sample is taken; depends on in_channel"),
+                Port(IN_CHANNEL, In, channel, "channel of the sample"),
                 *(Port(name, In, system.input_width(name, program.format), meanings[name])
                   for name in system.input_ports),
                 Port(system.finish, Out, 1, "high for one cycle with new outputs"),
-                Port(OUT_CHANNEL, Out, channel, "whose outputs and status they are"),
+                Port(OUT_CHANNEL, Out, channel, "channel of the outputs and the status"),
                 *(Port(name, Out, width, meanings[name]) for name in system.output_ports),
                 *status_ports(system, self.status_names))
 
@@ -103,11 +103,11 @@ class StreamEngine(SystemComponent):
         system = self._system
         timing = (
             f"A sample is taken at a rising edge of clk with {system.start} and {READY} high, with all inputs, which "
-            f"may change afterwards. {READY} is high in one cycle in {self.interval}, and if nothing is under way "
-            "then, until a sample comes; but never for a channel whose last sample is under way. "
-            f"{system.finish} rises {self.latency} cycles after that edge, for every sample, and is high for one "
-            "cycle; samples finish in order. Outputs hold until the next finish. An update that is refused changes "
-            "neither the outputs nor its channel's state.")
+            f"may change afterwards. {READY} is high in one cycle in {self.interval}; if no update is in flight in "
+            "that cycle, it stays high until a sample comes. It is low for a channel whose last update is in flight. "
+            f"{system.finish} rises {self.latency} cycles after the edge that takes a sample, and is high for one "
+            "cycle; updates finish in order. Outputs hold until the next finish. An update that is refused changes "
+            "neither the outputs nor the state of its channel.")
         return Section("TIMING", paragraphs=(timing,)), *program_sections(self._program)
 
     @property

@@ -58,8 +58,8 @@ LAYOUT = (
     Field("type", 1, "kind of payload"),
     Field("counter", 2, "number of the update since reset, modulo 65,536; the first is 0"),
     Field("status", 1, "status bits of the core"),
-    Field("payload", None, "IEEE 754 numbers, binary64 or binary32 as the length tells"),
-    Field("crc", 2, "CRC-16/CCITT-FALSE of all between sync and crc, high byte first"),
+    Field("payload", None, "IEEE 754 numbers, binary64 or binary32, depending on the length"),
+    Field("crc", 2, "CRC-16/CCITT-FALSE of all bytes between sync and crc, high byte first"),
 )
 """The fields in the order on the line."""
 
