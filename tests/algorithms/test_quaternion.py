@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.algorithms import quaternion
+from strapdown.algorithms import quaternion, vector
 from strapdown.cores import QUATERNION_J2, QUATERNION_J3, quat_direct
 from strapdown.kernel.numeric import Float64
 from strapdown_sim.reference import quaternion as exact
@@ -48,7 +48,7 @@ def test_the_matrix_is_the_patents():
 @pytest.mark.parametrize("order", range(1, 9))
 def test_polynomial(order):
     coefficients, u = RNG.standard_normal(order + 1), RNG.random(100)
-    np.testing.assert_allclose(quaternion.polynomial(list(coefficients), u),
+    np.testing.assert_allclose(vector.polynomial(list(coefficients), u),
                                np.polynomial.polynomial.polyval(u, coefficients), rtol=0, atol=1e-14)
 
 

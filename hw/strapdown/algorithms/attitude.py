@@ -80,7 +80,7 @@ def quaternion_step(q, half_turn):
 def quaternion_update(xp, q, omega, half_period):
     """q := q + T/2·q⊗(0, omega), then q := q/|q|: INS_quat, eq. 2.42 and 2.45."""
     q = quaternion_step(q, scale(half_period, omega))
-    return scale(1 / xp.sqrt(dot(q, q)), q)
+    return scale(xp.rsqrt(dot(q, q)), q)
 
 
 def matrix_from_quaternion(xp, q):

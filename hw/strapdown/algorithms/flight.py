@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 from .attitude import Update, euler_angles
 from .vector import SHORTEST_SQUARE, add, dot, permute, scale, transposed_vector
 
-__all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "bias_update",
-           "field_correction", "flight_update", "matrix_of_turn", "tilt_correction", "turned"]
+__all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "Sensors", "Settings", "State",
+           "bias_update", "field_correction", "flight_update", "gyro_average", "heading", "low_pass",
+           "matrix_of_turn", "tilt_correction", "turned", "vertical"]
 
 DEGREES = 180 / math.pi
 
@@ -93,9 +94,9 @@ class Parameters(NamedTuple):
     """unit of the accelerometer, longest specific force that was measured in full"""
 
 
-def minimum(xp, a, b):
-    """The smaller of a and b."""
-    return xp.select(a < b, a, b)
+def is_constant(*values):
+    """Whether all values are plain numbers, known when the circuit is made, which the configuration has checked."""
+    return all(type(value) is float for value in values)
 
 
 def subtract(a, b):
@@ -114,9 +115,9 @@ def response(xp, period, time):
     Of plain numbers exactly; at run time x - x²/2 for x = period/time, held at 1/2: too small by
     less than x²/6 of it, and stable for any period.
     """
-    if type(period) is type(time) is float:
+    if is_constant(period, time):
         return -math.expm1(-period / time)
-    return saturating(minimum(xp, period / time, 1.0))
+    return saturating(xp.minimum(period / time, 1.0))
 
 
 def saturating(x):
@@ -126,14 +127,14 @@ def saturating(x):
 
 def limited(xp, period):
     """A period known at run time held in [0, LONGEST_PERIOD]. Returns (it, a margin: negative if it was not)."""
-    margin = minimum(xp, period, LONGEST_PERIOD - period)
-    return minimum(xp, xp.maximum(period, 0.0), LONGEST_PERIOD), margin
+    margin = xp.minimum(period, LONGEST_PERIOD - period)
+    return xp.minimum(xp.maximum(period, 0.0), LONGEST_PERIOD), margin
 
 
 def share(xp, period, clock):
     """period/(clock + period), the weight of a new sample in the mean of all since the clock was zero; before: 1."""
     elapsed = xp.maximum(clock, 0.0) + period
-    return period / (elapsed if type(period) is float else xp.maximum(elapsed, SHORTEST_SQUARE))
+    return period / (elapsed if is_constant(period) else xp.maximum(elapsed, SHORTEST_SQUARE))
 
 
 def low_pass(low, value, weight):
@@ -145,10 +146,10 @@ def low_pass(low, value, weight):
 
 
 def held(xp, gain, *parameters):
-    """A gain in [0, 1]: as it is if its parameters are plain numbers, which the configuration has checked."""
-    if all(type(parameter) is float for parameter in parameters):
+    """A gain in [0, 1]: as it is if its parameters are constants."""
+    if is_constant(*parameters):
         return gain
-    return minimum(xp, xp.maximum(gain, 0.0), 1.0)
+    return xp.minimum(xp.maximum(gain, 0.0), 1.0)
 
 
 def turned(xp, q, omega, square, beyond, pending, period):
@@ -223,119 +224,233 @@ def bias_update(xp, bias, mean, at_rest, smoothing, tilt_b, gain, limit):
     weight = xp.select(at_rest, smoothing, 0.0)
     candidate = subtract(add(bias, scale(weight, subtract(mean, bias))), scale(gain, tilt_b))
     beyond = limit * limit < dot(candidate, candidate)
-    if type(limit) is not float:
+    if not is_constant(limit):
         bias = subtract(bias, scale(smoothing, bias))
     return tuple(xp.select(beyond, old, new) for old, new in zip(bias, candidate, strict=True))
 
 
-def flight_update(xp, a, g, q, pending, first, second, mean, bias, clock, rest_clock, rested, *,
-                  m=None, reference=None, field_clock=None, field_age=None, period, parameters, frame, axes):
-    """One update of the filter. Without ``m`` it is the 6-axis one, whose heading is the gyro's alone.
+class Sensors(NamedTuple):
+    """A sample in each sensor's axes; ``m`` is None in the 6-axis filter."""
+
+    a: Any
+    """specific force, any unit"""
+    g: Any
+    """angular rate, deg/s"""
+    m: Any = None
+    """field, any unit"""
+
+
+class State(NamedTuple):
+    """What an update leaves to the next; what has a default is None in the 6-axis filter."""
+
+    q: Any
+    pending: Any
+    """correction that waits for the next update, in b"""
+    first: Any
+    second: Any
+    """specific force after one and two low-passes, in n"""
+    mean: Any
+    bias: Any
+    """average and bias of the gyro, deg/s"""
+    clock: Any
+    """s since the sensors began to be used; from -ALIGNMENTS to 0 it counts samples"""
+    rest_clock: Any
+    """s without motion"""
+    rested: Any
+    """1 after a rest, before -1"""
+    reference: Any = None
+    """usual (horizontal, upward) field"""
+    field_clock: Any = None
+    """as ``clock``, of the magnetometer"""
+    field_age: Any = None
+    """s since there was a field"""
+
+
+class Settings(NamedTuple):
+    """What an update needs beside sample and state."""
+
+    period: Any
+    """T in s: a constant, or a value that is held in [0, LONGEST_PERIOD]"""
+    parameters: Parameters
+    frame: Frame
+    axes: dict
+    """sensor axes along body x, y and z, by "a", "g" and "m" """
+
+
+class Vertical(NamedTuple):
+    """What the specific force shows."""
+
+    first: Any
+    second: Any
+    innovation: Any
+    """what the first low-pass has not followed yet, in n"""
+    earth: Any
+    """specific force in n"""
+    tilt: Any
+    """correction about x and y of n"""
+    tilt_b: Any
+    """the same in b"""
+    slack: Any
+    """negative if the bias cannot be the cause of the tilt"""
+    gravity: Any
+    gravity_square: Any
+    """length of the low-passed specific force, and its square"""
+    starting: Any
+    """part of the start-up ramp that is left; negative after it"""
+    unusable: Any
+    """the condition that the specific force does not count"""
+    missing: Any
+    """the condition that there is none"""
+    margin: Any
+    """negative if it is beyond the sensor's range"""
+
+
+class Gyro(NamedTuple):
+    """What the average of the gyro shows."""
+
+    mean: Any
+    rest_clock: Any
+    at_rest: Any
+    bias: Any
+    rested: Any
+
+
+class Heading(NamedTuple):
+    """What the field shows."""
+
+    correction: Any
+    """that of the tilt and the heading, in b"""
+    state: dict
+    status: dict
+
+
+def vertical(xp, a, c, state, settings):
+    """Low-passed specific force in n, and the correction of the tilt that it shows: a Vertical."""
+    period, p, frame, _ = settings
+    force = dot(a, a)
+    missing = force < SHORTEST_SQUARE
+    margin = squared(p.accelerometer_range) - force
+    unusable = xp.select(missing, -1.0, margin) < 0.0
+    starting = 1 - state.clock * (1 / p.ramp_time)
+    weight = xp.maximum(share(xp, period, state.clock), response(xp, 2 * period, p.acceleration_time))
+    earth = transposed_vector(c, a)
+    (first, second), innovation = low_pass((state.first, state.second), earth, xp.select(unusable, 0.0, weight))
+    tilt, gravity, gravity_square = tilt_correction(xp, second, frame)
+    gain = held(xp, period * (p.accelerometer_gain + p.ramp_gain * xp.maximum(starting, 0.0)),
+                p.accelerometer_gain, p.ramp_gain, p.ramp_time)
+    # A tilt is attributed to the bias only if the bias can cause it.
+    slack = squared(p.bias_limit * (0.5 / DEGREES) * (1 / p.accelerometer_gain)) - dot(tilt, tilt)
+    tilt = scale(xp.select(state.clock < 0.0, 1.0, gain), tilt)
+    tilt_b = tuple(row[0] * tilt[0] + row[1] * tilt[1] for row in c)
+    return Vertical(first, second, innovation, earth, tilt, tilt_b, slack, gravity, gravity_square, starting, unusable,
+                    missing, margin)
+
+
+def gyro_average(xp, g, range_margin, up, state, settings):
+    """Average of the gyro, whether the body rests, and the bias that both show: a Gyro. ``up`` is a Vertical."""
+    period, p = settings.period, settings.parameters
+    smoothing = response(xp, period, p.rest_average_time)
+    deviation = subtract(g, state.mean)
+    mean = add(state.mean, scale(xp.select(range_margin < 0.0, 0.0, xp.select(state.clock < 0.0, 1.0, smoothing)),
+                                 deviation))
+    restless = (up.gravity_square * (dot(deviation, deviation) * squared(1 / p.rest_rate))
+                + dot(up.innovation, up.innovation) * squared(1 / p.rest_acceleration))
+    rest_clock = xp.select(up.unusable, 0.0, state.rest_clock + period)
+    rest_clock = xp.select(up.gravity_square < restless, 0.0, rest_clock)
+    rest_clock = xp.select(squared(p.bias_limit) < dot(mean, mean), 0.0, rest_clock)
+    at_rest = p.rest_time < rest_clock
+    # The tilt is the gain times T times the tangent: divided by the gain, it is T times the tangent.
+    learning = 2 * DEGREES / p.accelerometer_gain
+    gain = xp.select(state.rested < 0.0, learning * p.bias_gain, learning * p.bias_gain_after_rest)
+    gain = xp.select(up.starting < 0.0, xp.select(up.slack < 0.0, 0.0, gain), 0.0)
+    bias = bias_update(xp, state.bias, mean, at_rest, smoothing, up.tilt_b, gain, p.bias_limit)
+    return Gyro(mean, rest_clock, at_rest, bias, xp.select(at_rest, 1.0, state.rested))
+
+
+def heading(xp, m, c, tilt_b, state, settings):
+    """Correction of the tilt and of the heading that the field shows, and the field's state and status: a Heading."""
+    p = settings.parameters
+    h = transposed_vector(c, permute(settings.axes["m"], m))
+    tangent, believed, distance, margin, absent = field_correction(xp, h, state.reference, settings.frame, p)
+    # Heading waits for the vertical.
+    idle = xp.select(absent, -1.0, state.clock) < 0.0
+    age = xp.minimum(state.field_age + settings.period, LONGEST_PERIOD)
+    starting = 1 - state.field_clock * (1 / p.ramp_time)
+    ramp = xp.maximum(starting, 0.0)
+    gain = held(xp, age * (p.magnetometer_gain * believed + p.ramp_gain * ramp),
+                p.magnetometer_gain, p.ramp_gain, p.ramp_time)
+    turn = xp.select(state.field_clock < 0.0, 1.0, gain) * tangent
+    turn = xp.select(idle, 0.0, turn)
+    correction = tuple(x + row[2] * turn for x, row in zip(tilt_b, c, strict=True))
+    slow = 1 / p.field_recovery_time
+    rate = (slow + (1 / p.field_time - slow) * believed) + FIELD_SETTLING * ramp
+    follow = xp.select(state.field_clock < 0.0, 1.0, saturating(xp.minimum(age * rate, 1.0)))
+    reference = add(state.reference, scale(xp.select(idle, 0.0, follow), distance))
+    passed = xp.select(state.field_clock < 0.0, 1.0, age)
+    field_clock = state.field_clock + xp.select(idle, 0.0, passed)
+    field_age = xp.select(idle, age, 0.0)
+    rejected = xp.select(idle, 1.0, xp.select(starting < 0.0, margin, 1.0))
+    return Heading(correction, {"reference": reference, "field_clock": field_clock, "field_age": field_age},
+                   {"magnetometer_missing": absent, "magnetometer_rejected": rejected < 0.0})
+
+
+def with_navigation_frame(up):
+    """Both low-passes of a Vertical, turned with n, which the correction turns under them: first and second.
+
+    What the correction does to z, and what heading does to x and y, is of second order.
+    """
+    x, y = add(up.tilt, up.tilt)
+    return {name: (low[0] + y * low[2], low[1] - x * low[2], low[2])
+            for name, low in (("first", up.first), ("second", up.second))}
+
+
+def flight_update(xp, sensors, state, settings):
+    """One update of the filter. Without a field it is the 6-axis one, whose heading is the gyro's alone.
 
     Parameters
     ----------
-    a, g, m : specific force, angular rate (deg/s) and field, in each sensor's axes
-    q, pending : quaternion, and the correction that waits for this update (in b)
-    first, second : specific force after one and two low-passes (in n)
-    mean, bias : average and bias of the gyro, deg/s
-    clock, field_clock : s since the sensors began to be used; from -ALIGNMENTS to 0 it counts samples
-    rest_clock, rested : s without motion; whether there was a rest, 1 or -1
-    reference, field_age : usual (horizontal, upward) field; s since there was a field
-    period : T in s, a number, or a value that is held in [0, LONGEST_PERIOD]
-    axes : sensor axes along body x, y and z, by "a", "g" and "m"
+    sensors : Sensors
+    state : State
+    settings : Settings
+
+    Returns
+    -------
+    Update
     """
-    p = parameters
+    p, frame = settings.parameters, settings.frame
     with xp.section("GYRO"):
-        a, g = permute(axes["a"], a), permute(axes["g"], g)
-        omega = subtract(g, bias)
+        a, g = permute(settings.axes["a"], sensors.a), permute(settings.axes["g"], sensors.g)
+        omega = subtract(g, state.bias)
         square = dot(omega, omega)
         range_margin = squared(p.gyro_range) - square
-        if type(period) is not float:
-            period, period_margin = limited(xp, period)
-            range_margin = minimum(xp, range_margin, period_margin)
+        if not is_constant(settings.period):
+            period, period_margin = limited(xp, settings.period)
+            settings = settings._replace(period=period)
+            range_margin = xp.minimum(range_margin, period_margin)
     with xp.section("QUAT"):
-        q = turned(xp, q, omega, square, range_margin < 0.0, pending, period)
+        q = turned(xp, state.q, omega, square, range_margin < 0.0, state.pending, settings.period)
         reciprocal = 1 / dot(q, q)
     with xp.section("MATX"):
         c = matrix_of_turn(q, reciprocal)
         q = scale(xp.sqrt(reciprocal), q)
-
     with xp.section("ACC_MAG"):
-        force = dot(a, a)
-        accelerometer_missing = force < SHORTEST_SQUARE
-        force_margin = squared(p.accelerometer_range) - force
-        unusable = xp.select(accelerometer_missing, -1.0, force_margin) < 0.0
-        starting = 1 - clock * (1 / p.ramp_time)
-        weight = xp.maximum(share(xp, period, clock), response(xp, 2 * period, p.acceleration_time))
-        earth = transposed_vector(c, a)
-        (first, second), innovation = low_pass((first, second), earth, xp.select(unusable, 0.0, weight))
-        tilt, gravity, gravity_square = tilt_correction(xp, second, frame)
-        gain = held(xp, period * (p.accelerometer_gain + p.ramp_gain * xp.maximum(starting, 0.0)),
-                    p.accelerometer_gain, p.ramp_gain, p.ramp_time)
-        # A tilt is laid to the bias only if that can cause it.
-        slack = squared(p.bias_limit * (0.5 / DEGREES) * (1 / p.accelerometer_gain)) - dot(tilt, tilt)
-        tilt = scale(xp.select(clock < 0.0, 1.0, gain), tilt)
-        tilt_b = tuple(row[0] * tilt[0] + row[1] * tilt[1] for row in c)
-        correction = tilt_b
-
-        smoothing = response(xp, period, p.rest_average_time)
-        deviation = subtract(g, mean)
-        mean = add(mean, scale(xp.select(range_margin < 0.0, 0.0, xp.select(clock < 0.0, 1.0, smoothing)), deviation))
-        restless = (gravity_square * (dot(deviation, deviation) * squared(1 / p.rest_rate))
-                    + dot(innovation, innovation) * squared(1 / p.rest_acceleration))
-        rest_clock = xp.select(unusable, 0.0, rest_clock + period)
-        rest_clock = xp.select(gravity_square < restless, 0.0, rest_clock)
-        rest_clock = xp.select(squared(p.bias_limit) < dot(mean, mean), 0.0, rest_clock)
-        at_rest = p.rest_time < rest_clock
-        # The tilt above is the gain times T times the tangent: divided by the gain, it is T times the tangent.
-        learning = 2 * DEGREES / p.accelerometer_gain
-        gain = xp.select(rested < 0.0, learning * p.bias_gain, learning * p.bias_gain_after_rest)
-        gain = xp.select(starting < 0.0, xp.select(slack < 0.0, 0.0, gain), 0.0)
-        bias = bias_update(xp, bias, mean, at_rest, smoothing, tilt_b, gain, p.bias_limit)
-        rested = xp.select(at_rest, 1.0, rested)
-        range_exceeded = minimum(xp, force_margin, range_margin) < 0.0
-
-    state = {"q": q, "mean": mean, "bias": bias, "rest_clock": rest_clock, "rested": rested}
-    status = {"accelerometer_missing": accelerometer_missing, "starting": -starting < 0.0, "at_rest": at_rest,
-              "range_exceeded": range_exceeded}
-    if m is not None:
-        with xp.section("ACC_MAG"):
-            h = transposed_vector(c, permute(axes["m"], m))
-            tangent, believed, distance, margin, absent = field_correction(xp, h, reference, frame, p)
-            # Heading waits for the vertical.
-            idle = xp.select(absent, -1.0, clock) < 0.0
-            age = minimum(xp, field_age + period, LONGEST_PERIOD)
-            field_starting = 1 - field_clock * (1 / p.ramp_time)
-            ramp = xp.maximum(field_starting, 0.0)
-            gain = held(xp, age * (p.magnetometer_gain * believed + p.ramp_gain * ramp),
-                        p.magnetometer_gain, p.ramp_gain, p.ramp_time)
-            turn = xp.select(field_clock < 0.0, 1.0, gain) * tangent
-            turn = xp.select(idle, 0.0, turn)
-            correction = tuple(x + row[2] * turn for x, row in zip(correction, c, strict=True))
-            slow = 1 / p.field_recovery_time
-            rate = (slow + (1 / p.field_time - slow) * believed) + FIELD_SETTLING * ramp
-            follow = xp.select(idle, 0.0, xp.select(field_clock < 0.0, 1.0, saturating(minimum(xp, age * rate, 1.0))))
-            state["reference"] = add(reference, scale(follow, distance))
-            passed = xp.select(field_clock < 0.0, 1.0, age)
-            state["field_clock"] = field_clock + xp.select(idle, 0.0, passed)
-            state["field_age"] = xp.select(idle, age, 0.0)
-            rejected = xp.select(idle, 1.0, xp.select(field_starting < 0.0, margin, 1.0))
-            status |= {"magnetometer_missing": absent, "magnetometer_rejected": rejected < 0.0}
-
-    with xp.section("ACC_MAG"):
-        # The correction turns n under the low-passes, so they turn with it. What that does to z, and
-        # what heading does to x and y, is of second order.
-        x, y = add(tilt, tilt)
-        for name, low in ("first", first), ("second", second):
-            state[name] = low[0] + y * low[2], low[1] - x * low[2], low[2]
-        state["pending"] = correction
-        passed = xp.select(clock < 0.0, xp.select(unusable, 0.0, 1.0), period)
-        state["clock"] = clock + passed
-
+        up = vertical(xp, a, c, state, settings)
+        gyro = gyro_average(xp, g, range_margin, up, state, settings)
+        range_exceeded = xp.minimum(up.margin, range_margin) < 0.0
+        field = Heading(up.tilt_b, {}, {})
+        status = {"accelerometer_missing": up.missing, "starting": -up.starting < 0.0, "at_rest": gyro.at_rest,
+                  "range_exceeded": range_exceeded}
+        if sensors.m is not None:
+            field = heading(xp, sensors.m, c, up.tilt_b, state, settings)
+        low_passes = with_navigation_frame(up)
+        passed = xp.select(state.clock < 0.0, xp.select(up.unusable, 0.0, 1.0), settings.period)
+        clock = state.clock + passed
     with xp.section("EULER"):
         cosine = xp.sqrt(dot((c[1][2], c[2][2]), (c[1][2], c[2][2])))
         angles = euler_angles(xp, c[0][0], c[0][1], c[0][2], cosine, c[1][2], c[2][2])
-        up = tuple(frame.upward(row) for row in c)
-        linear = subtract(a, scale(gravity, up))
-    return Update(outputs={"c": c, "angles": angles, "q": q, "bias": bias, "earth": earth, "linear": linear},
-                  state=state, status=status)
+        linear = subtract(a, scale(up.gravity, tuple(frame.upward(row) for row in c)))
+    return Update(
+        outputs={"c": c, "angles": angles, "q": q, "bias": gyro.bias, "earth": up.earth, "linear": linear},
+        state={"q": q, "pending": field.correction, **low_passes, "mean": gyro.mean, "bias": gyro.bias, "clock": clock,
+               "rest_clock": gyro.rest_clock, "rested": gyro.rested, **field.state},
+        status=status | field.status)

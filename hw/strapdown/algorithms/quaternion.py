@@ -9,9 +9,9 @@ turns e by |omega|·T for a = cos(|omega|·T/2) and (p̄, q̄, r̄) = d·omega, 
 """
 
 from .attitude import Update
-from .vector import add, cross, dot, scale
+from .vector import add, cross, dot, polynomial, scale
 
-__all__ = ["coning_correction", "polynomial", "quaternion_step", "quaternion_update", "rate_product",
+__all__ = ["coning_correction", "quaternion_step", "quaternion_update", "rate_product",
            "renormalisation", "transition", "transition_coefficients"]
 
 
@@ -63,16 +63,6 @@ def quaternion_step(xp, e, omega, *, a0, d0, period, factor=None):
     if factor is not None:
         a, d = factor * a, factor * d
     return transition(xp, a, d, omega, e)
-
-
-def polynomial(coefficients, u):
-    """Σ coefficients_i·uⁱ, halves side by side (Estrin): the depth grows with the logarithm of the order."""
-    terms = list(coefficients)
-    while len(terms) > 1:
-        pairs = [terms[i:i + 2] for i in range(0, len(terms), 2)]
-        terms = [pair[0] + pair[1] * u if len(pair) == 2 else pair[0] for pair in pairs]
-        u = u * u if len(terms) > 1 else u
-    return terms[0]
 
 
 def quaternion_update(xp, e, omega, load, start, *, a0, d0, period, renormalise, count=None, second=None):

@@ -9,14 +9,15 @@ Every integral is of second order in the period: what is needed in the middle of
 extrapolated from the interval before (``half``: half of its change of velocity).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .attitude import DEGREES, Update
-from .quaternion import polynomial, rate_product
+from .quaternion import rate_product
 from .sine import half_turn, sine_cosine
-from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, matrix_vector, scale
+from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, matrix_vector, polynomial, scale
 
-__all__ = ["Earth", "SOURCE_EARTH", "WGS84", "alignment_quaternion", "attitude_quaternion", "earth_and_transport_rate",
+__all__ = ["Earth", "SOURCE_EARTH", "Sample", "Settings", "Start", "State", "WGS84", "alignment_quaternion",
+           "attitude_quaternion", "earth_and_transport_rate",
            "matrix_of_quaternion", "navigation_angles", "north_east_velocity", "position_matrix", "sins_update",
            "start_position", "velocity_half_change", "vertical_loop"]
 
@@ -145,22 +146,19 @@ def alignment_quaternion(xp, f, omega):
     diagonal is taken (Shepperd, 1978), which is never short.
     """
     square, _ = length_squared(f)
-    up = scale(1 / xp.sqrt(square), f)
+    up = scale(xp.rsqrt(square), f)
     east = cross(omega, up)
     square, _ = length_squared(east)
-    east = scale(1 / xp.sqrt(square), east)
+    east = scale(xp.rsqrt(square), east)
     (t11, t12, t13), (t21, t22, t23), (t31, t32, t33) = east, cross(up, east), up
     q01, q02, q03, q12, q13, q23 = t32 - t23, t13 - t31, t21 - t12, t12 + t21, t13 + t31, t23 + t32
     total, difference = t22 + t33, t22 - t33
     near, far = 1 + t11, 1 - t11
 
-    def chosen(condition, a, b):
-        return tuple(xp.select(condition, p, q) for p, q in zip(a, b, strict=True))
-
-    first = chosen(total < 0.0, (q01, near - total, q12, q13), (near + total, q01, q02, q03))
-    second = chosen(difference < 0.0, (q03, q13, q23, far - difference), (q02, q12, far + difference, q23))
+    first = chosen(xp, total < 0.0, (q01, near - total, q12, q13), (near + total, q01, q02, q03))
+    second = chosen(xp, difference < 0.0, (q03, q13, q23, far - difference), (q02, q12, far + difference, q23))
     larger = xp.maximum(near + total, near - total) < xp.maximum(far + difference, far - difference)
-    return chosen(larger, second, first)
+    return chosen(xp, larger, second, first)
 
 
 def north_east_velocity(xp, n, v, cosine):
@@ -193,68 +191,186 @@ def navigation_angles(xp, t, n, c):
     return ((DEGREES * pitch, DEGREES * roll, heading), scale(DEGREES, (latitude, longitude, wander)), cosine)
 
 
-def sins_update(xp, omega, f, load, align, place, start_v, start_h, start_q, q, t, c, v, half, h, before, force, left,
-                altitude=None, bias=None, *, earth, period, samples, damping, a0, d0, rate_max, force_max):
+class Sample(NamedTuple):
+    """Measurements, means over the sample period; the altitude is None without a vertical loop."""
+
+    omega: Any
+    """rad/s"""
+    f: Any
+    """m/s²"""
+    altitude: Any = None
+    """m"""
+
+
+class Start(NamedTuple):
+    """What a load starts from."""
+
+    load: Any
+    """above 1/2: this update loads"""
+    align: Any
+    """above 1/2: the load begins an alignment; else ``q`` is the attitude"""
+    place: Any
+    """latitude and longitude, degrees"""
+    v: Any
+    """velocity east, north, up, m/s"""
+    h: Any
+    """height, m"""
+    q: Any
+    """quaternion body to east-north-up, any length"""
+
+
+class State(NamedTuple):
+    """What an update leaves to the next; the bias is None without a vertical loop."""
+
+    q: Any
+    t: Any
+    c: Any
+    v: Any
+    half: Any
+    """half of the latest change of ``v``"""
+    h: Any
+    before: Any
+    """rate of the sample before; during an alignment the sum of all"""
+    force: Any
+    """specific force likewise"""
+    left: Any
+    """-1: navigates; from 1 on: aligns, so many samples are left; 0: waits for a start"""
+    bias: Any = None
+    """of the vertical loop, m/s²"""
+
+
+class Settings(NamedTuple):
+    """Constants of a core."""
+
+    earth: Earth
+    period: float
+    """s"""
+    samples: int
+    """that an alignment averages"""
+    damping: float
+    """time constant of the vertical loop, s; 0 without one"""
+    a0: tuple[float, ...]
+    d0: tuple[float, ...]
+    """coefficients of the attitude's polynomials"""
+    rate_max: float
+    """rad/s"""
+    force_max: float
+    """m/s²"""
+
+
+class Mode(NamedTuple):
+    """What an update does."""
+
+    loads: Any
+    """the condition that it takes the start values"""
+    place: Any
+    """start latitude and longitude, degrees, the latter between -180 and 180"""
+    place_excess: Any
+    """positive if one of them is out of range"""
+    step: Any
+    """s: the period while the core navigates, else zero, which leaves velocity and position as they are"""
+    finishes: Any
+    """negative if this is the last sample of an alignment"""
+    total_rate: Any
+    total_force: Any
+    """sums over an alignment"""
+    next_left: Any
+    next_before: Any
+    next_force: Any
+    """what the next update finds in the state"""
+
+
+def chosen(xp, condition, a, b):
+    """The vector ``a`` where the condition holds, else ``b``."""
+    return tuple(xp.select(condition, p, q) for p, q in zip(a, b, strict=True))
+
+
+def mode(xp, sample, start, state, settings):
+    """What this update does, a Mode: load, align, navigate or wait."""
+    loads, after = start.load > 0.5, state.left - 1
+    place, place_excess = start_angles(xp, start, loads)
+    step = xp.select(loads, 0.0, xp.select(state.left < 0.0, settings.period, 0.0))
+    goes_on = xp.select(loads, -1.0, after - 0.5)
+    total_rate, total_force = add(state.before, sample.omega), add(state.force, sample.f)
+    finishes = (state.left - 0.5) * (state.left - 1.5)
+    next_left = xp.select(finishes < 0.0, -1.0, xp.select(goes_on < 0.0, state.left, after))
+    next_left = xp.select(loads, xp.select(start.align > 0.5, settings.samples - 1.0, -1.0), next_left)
+    return Mode(loads, place, place_excess, step, finishes, total_rate, total_force, next_left,
+                chosen(xp, goes_on < 0.0, sample.omega, total_rate), chosen(xp, goes_on < 0.0, sample.f, total_force))
+
+
+def start_angles(xp, start, loads):
+    """Start latitude and longitude in degrees, the latter between -180 and 180: (angles, excess).
+
+    Both are zero without a load, when the inputs may be any numbers. The excess is positive if latitude or
+    longitude is out of range.
+    """
+    latitude, longitude = (xp.select(loads, angle, 0.0) for angle in start.place)
+    excess = xp.maximum(latitude * latitude - 90.0**2, longitude * longitude - 360.0**2)
+    return (latitude, half_turn(xp, longitude)), excess
+
+
+def sins_update(xp, sample, start, state, settings):
     """One update of SINS_top.
 
-    ``left`` says what the core does: −1 navigates, from 1 on it aligns and so many samples are
-    left, 0 waits for a start. ``load`` above 1/2 takes the start values with this sample; then
-    ``align`` above 1/2 begins an alignment of ``samples`` samples, this one the first, else the
-    start quaternion is the attitude. While it does not navigate the step is zero, so that the
-    same equations leave velocity and position as they are.
+    An update with a load takes the start values with its sample; it may begin an alignment, of which this
+    sample is the first. While the core does not navigate the step is zero, so that the same equations leave
+    velocity and position as they are.
+
+    Parameters
+    ----------
+    sample : Sample
+    start : Start
+    state : State
+    settings : Settings
+
+    Returns
+    -------
+    Update
     """
+    earth, f, c, h, bias = settings.earth, sample.f, state.c, state.h, state.bias
     with xp.section("MODE"):
-        loads, after = load > 0.5, left - 1
-        # Without a load the start angles may be any numbers.
-        latitude, longitude = (xp.select(loads, angle, 0.0) for angle in place)
-        excess = xp.maximum(latitude * latitude - 90.0**2, longitude * longitude - 360.0**2)
-        start = latitude, half_turn(xp, longitude)
-        step = xp.select(loads, 0.0, xp.select(left < 0.0, period, 0.0))
-        goes_on = xp.select(loads, -1.0, after - 0.5)
-        total_rate, total_force = add(before, omega), add(force, f)
-        finishes = (left - 0.5) * (left - 1.5)
-        next_left = xp.select(finishes < 0.0, -1.0, xp.select(goes_on < 0.0, left, after))
-        next_left = xp.select(loads, xp.select(align > 0.5, samples - 1.0, -1.0), next_left)
-        next_before = tuple(xp.select(goes_on < 0.0, a, b) for a, b in zip(omega, total_rate, strict=True))
-        next_force = tuple(xp.select(goes_on < 0.0, a, b) for a, b in zip(f, total_force, strict=True))
+        does = mode(xp, sample, start, state, settings)
+        loads, step = does.loads, does.step
     with xp.section("ALIGN"):
-        aligned = alignment_quaternion(xp, total_force, total_rate)
+        aligned = alignment_quaternion(xp, does.total_force, does.total_rate)
     with xp.section("RATES"):
-        middle = add(v, half)
+        middle = add(state.v, state.half)
         spin, transport = earth_and_transport_rate(xp, c, middle, h, earth)
         turn = (spin[0] + transport[0], spin[1] + transport[1], spin[2])
     with xp.section("ATTITUDE"):
-        moved, rate_square = attitude_quaternion(xp, q, omega, before, turn, step, a0, d0)
-        q = tuple(xp.select(finishes < 0.0, a, b) for a, b in zip(aligned, moved, strict=True))
-        q = tuple(xp.select(loads, a, b) for a, b in zip(start_q, q, strict=True))
+        moved, rate_square = attitude_quaternion(
+            xp, state.q, sample.omega, state.before, turn, step, settings.a0, settings.d0)
+        q = chosen(xp, does.finishes < 0.0, aligned, moved)
+        q = chosen(xp, loads, start.q, q)
         # Before an alignment the start quaternion may be zero, and then stays so.
-        q = scale(1 / xp.sqrt(dot(q, q) + SHORTEST_SQUARE), q)
-        old, t = t, matrix_of_quaternion(xp, q)
+        q = scale(xp.rsqrt(dot(q, q) + SHORTEST_SQUARE), q)
+        t = matrix_of_quaternion(xp, q)
     with xp.section("VELOCITY"):
         down = (earth.gravity + earth.gravity_latitude * (c[2][2] * c[2][2])) - earth.gravity_height * h
-        climb = v[2]
-        if damping:
-            correction, pull, bias = vertical_loop(xp, h - altitude, bias, step, damping, earth)
+        climb = state.v[2]
+        if settings.damping:
+            correction, pull, bias = vertical_loop(xp, h - sample.altitude, bias, step, settings.damping, earth)
             climb, down = climb + correction, down + pull
             bias = xp.select(loads, 0.0, bias)
-        half = velocity_half_change(xp, old, t, f, spin, turn, middle, down, step)
-        h = xp.select(loads, start_h, h + step * (climb + half[2]))
-        v = tuple(xp.select(loads, a, b + (d + d)) for a, b, d in zip(start_v, v, half, strict=True))
+        half = velocity_half_change(xp, state.t, t, f, spin, turn, middle, down, step)
+        h = xp.select(loads, start.h, h + step * (climb + half[2]))
+        v = tuple(xp.select(loads, a, b + (d + d)) for a, b, d in zip(start.v, state.v, half, strict=True))
     with xp.section("POSITION"):
-        moved = position_matrix(xp, c, transport, step)
-        c = tuple(tuple(xp.select(loads, a, b) for a, b in zip(*rows, strict=True))
-                  for rows in zip(start_position(xp, *start), moved, strict=True))
+        moved_c = position_matrix(xp, c, transport, step)
+        c = tuple(chosen(xp, loads, *rows) for rows in zip(start_position(xp, *does.place), moved_c, strict=True))
     with xp.section("OUTPUT"):
         # The start position is shown as it came, with the platform's north along y: nothing waits for its sines.
-        n = tuple(xp.select(loads, a, row[2]) for a, row in zip((0.0, 1.0), moved[:2], strict=True))
-        attitude, position, cosine = navigation_angles(xp, t, n, moved)
+        n = chosen(xp, loads, (0.0, 1.0), (moved_c[0][2], moved_c[1][2]))
+        attitude, position, cosine = navigation_angles(xp, t, n, moved_c)
         east, north = north_east_velocity(xp, n, v, xp.select(loads, 1.0, cosine))
-        shown = tuple(xp.select(loads, a, b) for a, b in zip(start, position[:2], strict=True))
-        excess = xp.maximum(excess, xp.maximum(rate_square - rate_max**2, dot(f, f) - force_max**2))
-    state = {"q": q, "t": t, "c": c, "v": v, "half": half, "h": h, "before": next_before, "force": next_force,
-             "left": next_left}
+        shown = chosen(xp, loads, does.place, position[:2])
+        excess = xp.maximum(does.place_excess, xp.maximum(rate_square - settings.rate_max**2,
+                                                          dot(f, f) - settings.force_max**2))
+    state = {"q": q, "t": t, "c": c, "v": v, "half": half, "h": h, "before": does.next_before,
+             "force": does.next_force, "left": does.next_left}
     return Update(
         outputs={"attitude": attitude, "velocity": (east, north, v[2]), "position": shown, "height": h,
                  "wander": position[2]},
-        state=state | ({"bias": bias} if damping else {}),
-        status={"aligning": next_left > 0.5, "navigating": next_left < 0.0, "out_of_range": excess > 0.0})
+        state=state | ({"bias": bias} if settings.damping else {}),
+        status={"aligning": does.next_left > 0.5, "navigating": does.next_left < 0.0, "out_of_range": excess > 0.0})

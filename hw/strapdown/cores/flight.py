@@ -72,8 +72,9 @@ STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest"
           "range_exceeded")
 """Status bits, lowest first; the 6-axis filter leaves those of the magnetometer out."""
 
-KERNELS = (flight.flight_update, flight.turned, flight.matrix_of_turn, flight.low_pass,
-           flight.tilt_correction, flight.field_correction, flight.bias_update, attitude.euler_angles)
+KERNELS = (flight.flight_update, flight.turned, flight.matrix_of_turn, flight.vertical, flight.low_pass,
+           flight.tilt_correction, flight.gyro_average, flight.bias_update, flight.heading, flight.field_correction,
+           attitude.euler_angles)
 
 
 def _meanings(config):
@@ -97,12 +98,12 @@ def ins_flight(config):
     """System of INS_flight for a FlightConfig."""
     frame = flight.FRAMES[config.frame]
 
-    def equations(xp, *, period=config.period_s, mag_valid=None, **arguments):
+    def equations(xp, *, a, g, m=None, period=config.period_s, mag_valid=None, **arguments):
         parameters = config.parameters._replace(**{name: arguments.pop(name) for name in config.inputs})
         if mag_valid is not None:
-            arguments["m"] = tuple(xp.select(mag_valid < 0.5, 0.0, x) for x in arguments["m"])
-        return flight.flight_update(xp, period=period, parameters=parameters, frame=frame, axes=config.axes,
-                                    **arguments)
+            m = tuple(xp.select(mag_valid < 0.5, 0.0, x) for x in m)
+        return flight.flight_update(xp, flight.Sensors(a, g, m), flight.State(**arguments),
+                                    flight.Settings(period, parameters, frame, config.axes))
 
     inputs: dict = {"a": vector("in_acc{}")}
     state = {"q": vector("q{}", "0123"), "pending": vector("p{}"), "first": vector("f{}"), "second": vector("s{}"),

@@ -7,7 +7,7 @@ import pydantic
 from pydantic import Field
 
 from strapdown.algorithms import sine, sins
-from strapdown.algorithms.quaternion import polynomial
+from strapdown.algorithms.vector import polynomial
 from strapdown.config import Config
 from strapdown.design import METHODS
 from strapdown.fp import BINARY64, Subnormals
@@ -79,11 +79,13 @@ def sins_top(config):
     largest = math.radians(config.rate_max_deg_s)
     coefficients = METHODS["minimax"](ORDER, largest * config.period_s)
 
-    def equations(xp, **arguments):
-        return sins.sins_update(
-            xp, **arguments, earth=EARTHS[config.earth], period=config.period_s, samples=config.alignment_samples,
-            damping=config.damping_s, a0=coefficients.a0, d0=coefficients.d0, rate_max=largest,
-            force_max=config.force_max_m_s2)
+    settings = sins.Settings(
+        earth=EARTHS[config.earth], period=config.period_s, samples=config.alignment_samples, damping=config.damping_s,
+        a0=coefficients.a0, d0=coefficients.d0, rate_max=largest, force_max=config.force_max_m_s2)
+
+    def equations(xp, *, omega, f, load, align, place, start_v, start_h, start_q, altitude=None, **state):
+        sample, start = sins.Sample(omega, f, altitude), sins.Start(load, align, place, start_v, start_h, start_q)
+        return sins.sins_update(xp, sample, start, sins.State(**state), settings)
 
     inputs = {"omega": vector("in_w{}"), "f": vector("in_f{}"), "load": "in_load", "align": "in_align",
               "place": ("in_lat", "in_lon"),
