@@ -13,7 +13,8 @@ from strapdown.cores import QUATERNION_J2, THESIS, make_core, system_of
 from strapdown.kernel.native import NativeTwin
 from strapdown_lab.report.measure import measure
 from strapdown_lab.studies import accuracy
-from strapdown_lab.synthesis import Cache, synthesise_xc7
+from strapdown_lab.synthesis import synthesise_xc7
+from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel

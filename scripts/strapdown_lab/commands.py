@@ -5,11 +5,11 @@ from functools import partial
 from pathlib import Path
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from strapdown.cli import UserError
+from strapdown.cli.progress import progress_bars
 from strapdown.cores import CONFIGS
+from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.recordings import RecordingError
 
@@ -19,7 +19,7 @@ from .report.operators import MEASURED
 from .report.report import write_cores, write_operators, write_page
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
-from .synthesis import Cache, ToolMissingError
+from .synthesis import ToolMissingError
 
 __all__ = ["accuracy", "report"]
 
@@ -55,11 +55,10 @@ def report(operators, cores, only, config_names, place, output, build):
         if operators or everything else []}
     designs: dict[str, Callable] = {"cores": partial(core_design, build=build), "operators": operator_design}
     cache = Cache(build / "report" / "cache")
-    columns = (TextColumn("{task.description:<10}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     reports = {}
     try:
         source = provenance(place=place)
-        with Progress(*columns, console=Console(stderr=True)) as bars:
+        with progress_bars() as bars:
             for kind, entries in chosen.items():
                 if entries:
                     task = bars.add_task(kind, total=sum(1 + (place and entry.placed) for entry in entries))
@@ -90,9 +89,8 @@ def accuracy(recordings, output):
     Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
     """
 
-    with Progress(TextColumn("filters on recordings"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-                  console=Console(stderr=True)) as bars:
-        task = bars.add_task("", total=None)
+    with progress_bars() as bars:
+        task = bars.add_task("filters on recordings", total=None)
         try:
             result = measure_accuracy(
                 recordings, progress=lambda done, total: bars.update(task, completed=done, total=total))

@@ -10,26 +10,24 @@ import shutil
 from strapdown.cores import ATTITUDE_CORES, CONFIGS, THESIS, main_module, make_core
 
 from .checkout import ROOT, write_blocks
+from .markdown import markdown_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
-from .studies.accuracy import markdown_table
+from .studies.accuracy import figure_table
 
 
 def modules_block(make_core=make_core):
     """Table of the modules with their latency. ``make_core`` may keep the cores it has made."""
-    rows = ["| module | what it gives | cycles | µs at 100 MHz |", "|---|---|---:|---:|"]
-    for name in ATTITUDE_CORES:
-        core = make_core(name, THESIS)
-        rows.append(f"| `{name}` | {core.system.title} | {core.latency} | {core.latency / 100:.2f} |")
-    return "\n".join(rows)
+    cores = {name: make_core(name, THESIS) for name in ATTITUDE_CORES}
+    return markdown_table(["module", "what it gives", "cycles:", "µs at 100 MHz:"], [
+        [f"`{name}`", core.system.title, core.latency, f"{core.latency / 100:.2f}"] for name, core in cores.items()])
 
 
 def configurations_block(make_core=make_core):
     """Table of the configurations: their top module, cycles, and what was measured of it."""
     report = ROOT / "docs" / "report" / "cores.json"
     measured = {row["config"]: row for row in json.loads(report.read_text())["cores"]} if report.exists() else {}
-    rows = ["| configuration | module | what it is | cycles | LUT | DSP | BRAM | MHz | µs |",
-            "|---|---|---|---:|---:|---:|---:|---:|---:|"]
+    rows = []
     for config in CONFIGS.values():
         module = main_module(config)
         core = make_core(module, config)
@@ -38,19 +36,20 @@ def configurations_block(make_core=make_core):
             cells[1:4] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}"]
             if "ecp5" in row:
                 cells[4:] = [f"{row['ecp5']['fmax_mhz']:.0f}", f"{microseconds(row):.2f}"]
-        rows.append(f"| `{config.name}` | `{module}` | {config.description} | {' | '.join(map(str, cells))} |")
-    return "\n".join(rows)
+        rows.append([f"`{config.name}`", f"`{module}`", config.description, *cells])
+    return markdown_table(["configuration", "module", "what it is", "cycles:", "LUT:", "DSP:", "BRAM:", "MHz:", "µs:"],
+                          rows)
 
 
 def demo_block(summary):
     """Table of what a replay's summary says."""
     difference = summary["against_float64_reference_deg"]
-    return "\n".join([
-        "| samples | cycles per update | µs at 100 MHz | largest difference from float64 | RMS difference "
-        "| bits that differ from the twin |", "|---:|---:|---:|---:|---:|---:|",
-        f"| {summary['samples']:,} | {summary['cycles_per_update']} "
-        f"| {summary['microseconds_per_update_at_100_mhz']:.2f} | {difference['max']:.6f}° | {difference['rms']:.6f}° "
-        f"| {summary['bits_differing_from_twin']} |"])
+    return markdown_table(
+        ["samples:", "cycles per update:", "µs at 100 MHz:", "largest difference from float64:", "RMS difference:",
+         "bits that differ from the twin:"],
+        [[f"{summary['samples']:,}", summary["cycles_per_update"],
+          f"{summary['microseconds_per_update_at_100_mhz']:.2f}", f"{difference['max']:.6f}°",
+          f"{difference['rms']:.6f}°", summary["bits_differing_from_twin"]]])
 
 
 def report_blocks():
@@ -64,7 +63,7 @@ def report_blocks():
 def accuracy_blocks():
     """Tables of docs/flight.md, by the name of their block."""
     result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text())
-    return {f"{figure} error": markdown_table(result, figure).strip() for figure in ("total", "inclination")}
+    return {f"{figure} error": figure_table(result, figure) for figure in ("total", "inclination")}
 
 
 def operator_pages():

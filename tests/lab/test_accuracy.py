@@ -46,7 +46,7 @@ def test_means_are_by_number_of_axes():
 
 
 def test_table_has_a_row_a_recording_and_its_best_in_bold():
-    lines = accuracy.markdown_table(made_up(), "total").splitlines()
+    lines = accuracy.figure_table(made_up(), "total").splitlines()
     assert [line.split("|")[1].strip() for line in lines[2:]] == [
         "`one`", "`two`", "**mean, 9 axes**", "`three`", "**mean, 6 axes**"]
     assert lines[2].split("|")[2].strip() == "**1.00**"

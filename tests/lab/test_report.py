@@ -14,11 +14,12 @@ from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_lab.report.anchors import OPERATOR_ANCHORS, best_known
 from strapdown_lab.report.cores import CORES, simulated_cycles
-from strapdown_lab.report.measure import core_circuit, digest, measure, operator_design
+from strapdown_lab.report.measure import core_circuit, measure, operator_design
 from strapdown_lab.report.operators import MEASURED
 from strapdown_lab.report.plots import core_plot, operator_plot
 from strapdown_lab.report.tables import core_table, operator_tables
-from strapdown_lab.synthesis import Cache, ToolMissingError, tool_versions, tools
+from strapdown_lab.synthesis import ToolMissingError, tool_versions, tools
+from strapdown_sim.cache import Cache, digest
 
 FIGURES = Path(__file__).parents[2] / "docs" / "report"
 

@@ -7,6 +7,7 @@ import click
 from strapdown.config import ConfigError
 
 from .common import UserError, config_options, target_of, writing
+from .progress import progress_bars
 
 __all__ = ["replay"]
 
@@ -27,9 +28,6 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
     docs/recordings.md. The core is generated for the recording's sample rate. It is INS_top, INS_flight, or one of
     your own whose inputs are called a (specific force), m (magnetic field) and g (angular rate) in its kernel.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.recordings import RecordingError, read_recording
     from strapdown_sim.replay import replay as run
@@ -39,10 +37,8 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
         data = read_recording(recording, sample_rate_hz=sample_rate_hz)
     except RecordingError as error:
         raise UserError(str(error)) from None
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description:<22}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     labels = {"build": "generate and compile", "simulate": "simulate, samples", "compare": "compare"}
-    with Progress(*columns, console=console) as bars:
+    with progress_bars() as bars:
         tasks = {}
 
         def progress(stage, done, total):

@@ -1,7 +1,6 @@
 """All 2**32 operands of the 32-bit operators of one operand, through their Verilated circuits."""
 
 import datetime
-import hashlib
 import json
 import math
 import os
@@ -15,10 +14,12 @@ from typing import Any
 from amaranth import *
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from strapdown.cli.progress import progress_bars
 from strapdown.export.backend import to_verilog
+from strapdown_lab.markdown import markdown_table
 from strapdown_lab.operators import OPERATORS
+from strapdown_sim.cache import digest, written_whole
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 __all__ = ["RUNS", "Run", "table"]
@@ -105,7 +106,7 @@ class Run:
         self.operator = lanes.operator
         source.write_text(to_verilog(lanes, "lanes"))
         driver = ExhaustiveModel.DRIVER.read_text()
-        self.circuit = hashlib.sha256((source.read_text() + driver).encode()).hexdigest()[:16]
+        self.circuit = digest(source.read_text() + driver)[:16]
         interface = Interface("lanes", lanes.operands, lanes.results, start="start", finish="done",
                               reset="rst", reset_active=1)
         self._model = ExhaustiveModel(source, interface, build / "models")
@@ -140,9 +141,8 @@ class Run:
             self.state["shards"].append(shard)
             self.state["mismatches"] += mismatches
             self.state["examples"] = (self.state["examples"] + rows)[:10]
-            partial = self._file.with_suffix(".partial")
-            partial.write_text(json.dumps(self.state) + "\n")
-            partial.replace(self._file)
+            with written_whole(self._file) as partial:
+                partial.write_text(json.dumps(self.state) + "\n")
         return mismatches
 
 
@@ -157,8 +157,7 @@ def fraction(text):
 def check(names, part, jobs, root):
     """Run the chosen operators to the end; returns the runs. Complete ones are entered in docs/exhaustive.json."""
     runs = []
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns) as progress:
+    with progress_bars() as progress:
         for name in names:
             run = Run(name, root / "build" / "exhaustive")
             shards = run.remaining(part)
@@ -197,7 +196,6 @@ def table(record):
     """The rows of docs/exhaustive.json as a Markdown table."""
     if not record:
         return "No run is entered yet."
-    rows = ["| operator | operands | mismatches | date | commit |", "|---|---:|---:|---|---|"]
-    rows += [f"| {entry['operator']} | {entry['operands']:,} | {entry['mismatches']:,} | {entry['date']} "
-             f"| `{entry['commit']}` |" for entry in record.values()]
-    return "\n".join(rows)
+    return markdown_table(["operator", "operands:", "mismatches:", "date", "commit"], [
+        [entry["operator"], f"{entry['operands']:,}", f"{entry['mismatches']:,}", entry["date"], f"`{entry['commit']}`"]
+        for entry in record.values()])

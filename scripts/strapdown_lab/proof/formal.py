@@ -5,6 +5,8 @@ import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
+from strapdown_lab.markdown import markdown_table
+
 from .catalogue import properties
 from .solver import prove
 
@@ -43,8 +45,9 @@ def summary():
         key = re.sub(r", \d idle cycles between,", "", prop.claim), operator
         counts[key] += 1
         depths.setdefault(key, set()).add(prop.depth)
-    rows = ["| property | operator | variants | clock edges |", "|---|---|---:|---:|"]
+    rows = []
     for (claim, operator), count in counts.items():
         least, most = min(depths[claim, operator]), max(depths[claim, operator])
-        rows.append(f"| {claim} | {operator} | {count} | {least if least == most else f'{least} to {most}'} |")
-    return "\n".join([*rows, f"| all | | {counts.total()} | |"])
+        rows.append([claim, operator, count, least if least == most else f"{least} to {most}"])
+    return markdown_table(["property", "operator", "variants:", "clock edges:"],
+                          [*rows, ["all", "", counts.total(), ""]])

@@ -10,6 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+from strapdown_lab.markdown import markdown_table
+
 from .mutants import MUTANTS, Mutant
 
 __all__ = ["Verdict", "misplaced", "mutated", "run", "table"]
@@ -114,6 +116,5 @@ def _pytest(folder, tests, select):
 def table():
     """The number of faults in each file, as a Markdown table."""
     counts = Counter((mutant.file, mutant.test_file) for mutant in MUTANTS)
-    return "\n".join(["| source | faults | noticed by |", "|---|---:|---|",
-                      *(f"| `{file}` | {count} | `{tests}` |" for (file, tests), count in counts.items()),
-                      f"| all | {counts.total()} | |"])
+    return markdown_table(["source", "faults:", "noticed by"], [
+        *([f"`{file}`", count, f"`{tests}`"] for (file, tests), count in counts.items()), ["all", counts.total(), ""]])

@@ -1,6 +1,5 @@
 """Operators and cores through the synthesis flows, two tools at a time; the answers as JSON values."""
 
-import hashlib
 import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,16 +14,16 @@ from strapdown_lab.synthesis import (
     ECP5_OPTIONS,
     ECP5_SEEDS,
     XC7_OPTIONS,
-    Cache,
     place_ecp5,
     synthesise_xc7,
     tool_versions,
 )
+from strapdown_sim.cache import Cache, digest
 
 from .cores import CoreEntry, simulated_cycles
 from .operators import MeasuredOperator
 
-__all__ = ["Design", "core_circuit", "core_design", "digest", "measure", "operator_design", "provenance"]
+__all__ = ["Design", "core_circuit", "core_design", "measure", "operator_design", "provenance"]
 
 
 @dataclass(frozen=True)
@@ -72,11 +71,6 @@ def core_design(entry: CoreEntry, build: Path) -> Design:
         "module": entry.module, "config": entry.config.name, "latency": counted[0], "cycles": counted[1],
         "verilog_sha256": digest(text)}, text, entry.module,
         entry.placed)
-
-
-def digest(text):
-    """What a report knows a circuit by."""
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def provenance(*, place):

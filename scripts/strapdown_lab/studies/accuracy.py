@@ -15,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MAHONY, THESIS
+from strapdown_lab.markdown import markdown_table
 from strapdown_sim.errors import (
     AttitudeErrors,
     attitude_errors,
@@ -29,7 +30,7 @@ from strapdown_sim.recordings import STANDARD_GRAVITY, read_recording
 from strapdown_sim.reference.attitude import ComplementaryFilter, alignment
 from strapdown_sim.truth import flight_filter
 
-__all__ = ["FILTERS", "markdown_table", "means", "measure", "write_accuracy"]
+__all__ = ["FILTERS", "figure_table", "means", "measure", "write_accuracy"]
 
 COLOURS = "#b8bcc4", "#8fc1ea", "#10243e", "#448855", "#e0a458", "#cc6633", "#9b6bb3"
 
@@ -168,22 +169,20 @@ def means(result, axes):
             for name in FILTERS} if rows else {}
 
 
-def markdown_table(result, figure):
-    """One of the figures as a table: a row a recording, a column a filter, means below."""
-    lines = ["| recording | " + " | ".join(FILTERS) + " |", "|---|" + "---:|" * len(FILTERS)]
+def figure_table(result, figure):
+    """One of the figures as a Markdown table: a row a recording, a column a filter, means below."""
+    rows = []
     for axes in (9, 6):
-        for stem, row in result["recordings"].items():
-            if row["axes"] == axes:
-                lines.append(_line(f"`{stem}`", [row["filters"][name][figure] for name in FILTERS]))
+        rows += [_row(f"`{stem}`", [row["filters"][name][figure] for name in FILTERS])
+                 for stem, row in result["recordings"].items() if row["axes"] == axes]
         if mean := means(result, axes):
-            lines.append(_line(f"**mean, {axes} axes**", [mean[name][figure] for name in FILTERS]))
-    return "\n".join(lines) + "\n"
+            rows.append(_row(f"**mean, {axes} axes**", [mean[name][figure] for name in FILTERS]))
+    return markdown_table(["recording", *(f"{name}:" for name in FILTERS)], rows)
 
 
-def _line(title, values):
+def _row(title, values):
     best = min(values)
-    cells = (f"**{value:.2f}**" if value == best else f"{value:.2f}" for value in values)
-    return f"| {title} | " + " | ".join(cells) + " |"
+    return [title, *(f"**{value:.2f}**" if value == best else f"{value:.2f}" for value in values)]
 
 
 def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path:
@@ -201,7 +200,7 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
     if missing := result["without_reference"]:
         page += ["", "Not scored for want of a reference orientation: " + ", ".join(f"`{s}`" for s in missing) + "."]
     for figure in FIGURES:
-        page += ["", f"## {figure.capitalize()}", "", markdown_table(result, figure).rstrip()]
+        page += ["", f"## {figure.capitalize()}", "", figure_table(result, figure)]
     path = directory / "accuracy.md"
     path.write_text("\n".join(page) + "\n")
     _picture(result, directory / "accuracy.png")

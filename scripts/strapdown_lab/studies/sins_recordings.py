@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from strapdown_lab.checkout import ROOT, write_blocks
+from strapdown_lab.markdown import markdown_table
 from strapdown_lab.studies.inertial import car_leg, quadrotor_legs, run_reference, run_twin, track_errors
 
 SECONDS = (1, 2, 5, 10, 30)
 CAR, QUADROTORS = "ins_drive_first_half", {"ins_quad_horizontal_11": 50, "ins_quad_vertical_17": 42}
+HEAD = ["recording", "legs:", "duration:", *(f"{second} s:" for second in SECONDS), "at the end:",
+        "twin − reference, m:"]
 
 
 def legs(folder):
@@ -24,10 +27,7 @@ def legs(folder):
 
 
 def rows(folder):
-    """Lines of the table."""
-    titles = [f"{s} s" for s in SECONDS]
-    yield f"| recording | legs | duration | {' | '.join(titles)} | at the end | twin − reference, m |"
-    yield "|---|---:|---:|" + "---:|" * (len(SECONDS) + 2)
+    """Rows of the table."""
     for name, leg in legs(folder):
         run, reference = run_twin(leg), run_reference(leg)
         errors = np.median(track_errors(leg, run), axis=1)
@@ -36,17 +36,17 @@ def rows(folder):
                  for horizontal, vertical in [errors[np.abs(leg.sample * leg.period_s - second).argmin()]]]
         difference = np.linalg.norm(run.position_m - reference.position_m, axis=-1).max()
         end = " / ".join(f"{error:,.0f}" if error >= 100 else f"{error:.2g}" for error in errors[-1])
-        yield (f"| `{name}` | {len(leg.q_b2n)} | {len(leg.omega_b) * leg.period_s:.0f} s | {' | '.join(cells)} | {end} "
-               f"| {difference:.1g} |")
+        duration = f"{len(leg.omega_b) * leg.period_s:.0f} s"
+        yield [f"`{name}`", len(leg.q_b2n), duration, *cells, end, f"{difference:.1g}"]
 
 
 def main():
     """Print the table, and put it into docs/sins.md."""
-    lines = []
-    for line in rows(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT.parent / "shared" / "recordings"):
-        print(line, flush=True)
-        lines.append(line)
-    write_blocks(ROOT / "docs" / "sins.md", {"recordings": "\n".join(lines)})
+    table = []
+    for row in rows(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT.parent / "shared" / "recordings"):
+        print(*row, flush=True)
+        table.append(row)
+    write_blocks(ROOT / "docs" / "sins.md", {"recordings": markdown_table(HEAD, table)})
 
 
 if __name__ == "__main__":

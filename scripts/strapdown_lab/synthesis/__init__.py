@@ -1,6 +1,5 @@
 """What a Verilog module costs: cells of a 7-series part, and clock frequency on an ECP5."""
 
-from .cache import *
 from .ecp5 import *
 from .tools import *
 from .xc7 import *

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from .cache import Cache
+from strapdown_sim.cache import Cache
+
 from .tools import run_nextpnr_ecp5, run_yosys, tool_versions
 
 __all__ = ["ECP5_OPTIONS", "ECP5_SEEDS", "Ecp5Placement", "place_ecp5"]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from .cache import Cache
+from strapdown_sim.cache import Cache
+
 from .tools import run_yosys, tool_versions
 
 __all__ = ["XC7_OPTIONS", "Xc7Resources", "synthesise_xc7"]

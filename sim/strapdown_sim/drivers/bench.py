@@ -12,6 +12,7 @@ from cocotb_tools.runner import get_results, get_runner
 from strapdown.cores import CONFIGS, make_core
 from strapdown.export import write_core
 
+from ..cache import written_whole
 from .toolchain import verilator_environment
 
 __all__ = ["core_under_test", "run_bench"]
@@ -88,10 +89,9 @@ def _copy_objects(source, target):
     for path in source.glob("verilated*.o"):
         copy = target / path.name
         if not copy.exists():
-            # Copied beside and renamed: benches may run side by side.
-            partial = target / f"{path.name}.{os.getpid()}"
-            shutil.copyfile(path, partial)
-            partial.replace(copy)
+            # Benches may run side by side.
+            with written_whole(copy) as partial:
+                shutil.copyfile(path, partial)
         # They depend on the makefile that Verilator writes anew: make would compile older ones again.
         os.utime(copy, (time.time() + MONTH_S,) * 2)
 

@@ -7,6 +7,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from ..cache import written_whole
+
 __all__ = ["SimulatorMissingError", "run_tool", "verilator_root", "verilator_environment", "verilator_runtime",
            "icarus_missing"]
 
@@ -71,10 +73,9 @@ def verilator_runtime(build):
         header.write_text('#include "verilated.h"\n')
     for target, arguments in jobs.items():
         if not target.exists():
-            # Compile beside and rename: several processes may come here at once.
-            partial = target.with_suffix(f".{os.getpid()}")
-            run_tool(["g++", *compile_flags(), *arguments, "-o", partial])
-            partial.replace(target)
+            # Several processes may come here at once.
+            with written_whole(target) as partial:
+                run_tool(["g++", *compile_flags(), *arguments, "-o", partial])
     return objects, header
 
 

@@ -1,9 +1,6 @@
 """A Verilated module as a function on NumPy arrays: rows of stimulus in, rows of answers out."""
 
-import fcntl
-import hashlib
 import os
-import shutil
 import subprocess
 import threading
 from collections.abc import Callable, Mapping
@@ -15,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..cache import Cache, digest
 from .toolchain import compile_flags, run_tool, verilator_environment, verilator_root, verilator_runtime
 
 __all__ = ["Interface", "VerilatedModel"]
@@ -95,23 +93,16 @@ class VerilatedModel:
         self.interface = interface
         build = Path(build).resolve()
         driver = self.DRIVER.read_text()
-        key = hashlib.sha256("\0".join((
-            Path(verilog).read_text(encoding="utf-8"), interface.header(), repr(interface.probes), driver, *self.FLAGS,
-            str(verilator_root()))).encode()).hexdigest()[:16]
-        directory = build / f"{interface.top}-{key}"
-        self._executable = directory / "model"
-        build.mkdir(parents=True, exist_ok=True)
-        # Another process may want the same model: one builds, the other waits for it.
-        with directory.with_suffix(".lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            if not self._executable.exists():
-                self._build(Path(verilog).resolve(), directory, driver, *verilator_runtime(build / "runtime"))
+        key = digest(Path(verilog).read_text(encoding="utf-8"), interface.header(), repr(interface.probes), driver,
+                     *self.FLAGS, str(verilator_root()))[:16]
 
-    def _build(self, verilog, directory, driver, objects, header):
-        # Built beside and renamed, so that a build that was cut off leaves no half model.
-        partial = directory.with_suffix(".partial")
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir(parents=True)
+        def make(folder):
+            self._build(Path(verilog).resolve(), folder, driver, *verilator_runtime(build / "runtime"))
+
+        self._executable = Cache(build).named(f"{interface.top}-{key}", make) / "model"
+
+    def _build(self, verilog, partial, driver, objects, header):
+        partial.mkdir()
         (partial / "ports.h").write_text(self.interface.header())
         (partial / "main.cpp").write_text(driver)
         (partial / "probes.vlt").write_text("`verilator_config\n" + "".join(sorted({
@@ -132,8 +123,6 @@ class VerilatedModel:
              *(f'#include "{name}"' for name in slow), ""]))
         run_tool(["g++", *compile_flags(), *self.FLAGS, f"-I{partial}", "-include", header, partial / "all.cc",
                   *objects, "-o", partial / "model"])
-        shutil.rmtree(directory, ignore_errors=True)
-        partial.rename(directory)
 
     def stream(self, stimulus: Mapping[str, ArrayLike], *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:

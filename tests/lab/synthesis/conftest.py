@@ -2,7 +2,8 @@
 
 import pytest
 
-from strapdown_lab.synthesis import Cache, ToolMissingError, tool_versions
+from strapdown_lab.synthesis import ToolMissingError, tool_versions
+from strapdown_sim.cache import Cache
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,79 @@
+"""Files that appear whole or not at all, and results that are made once."""
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+__all__ = ["Cache", "digest", "written_whole"]
+
+
+def digest(*texts: str) -> str:
+    """SHA-256 of texts, in hexadecimal digits."""
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Context manager: gives the path of a file or folder to write, which takes the place of ``path`` at the end.
+
+    An exception inside leaves ``path`` as it was, and nothing else behind.
+    """
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        yield partial
+        if path.is_dir():
+            shutil.rmtree(path)
+        partial.replace(path)
+    finally:
+        if partial.is_dir():
+            shutil.rmtree(partial)
+        partial.unlink(missing_ok=True)
+
+
+class Cache:
+    """A folder of results, files or folders, each made once, whatever number of processes want it.
+
+    Results are what external tools write to a path, so a library that stores Python values has no place here.
+
+    Parameters
+    ----------
+    directory : path-like
+        The folder; it is made when the first result is.
+    """
+
+    def __init__(self, directory: str | os.PathLike) -> None:
+        self._directory = Path(directory)
+
+    def named(self, name: str, make: Callable[[Path], object]) -> Path:
+        """Path of the result called ``name``, made first by ``make(path)`` if it is not there.
+
+        The name must tell all that the result depends on. A result that was cut off is made again.
+        """
+        path = self._directory / name
+        self._directory.mkdir(parents=True, exist_ok=True)
+        # Of several processes that want the same result one makes it; the others wait.
+        with path.with_name(f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not path.exists():
+                with written_whole(path) as partial:
+                    make(partial)
+        return path
+
+    def file(self, inputs: dict, suffix: str, make: Callable[[Path], object]) -> Path:
+        """Path of the result of ``inputs``, made first by ``make(path)`` if it is not there.
+
+        Parameters
+        ----------
+        inputs : dict
+            All that the result depends on, as JSON values: sources, options, versions.
+        suffix : str
+            End of the file name, with its dot.
+        make : callable
+            Called with the path to write to.
+        """
+        return self.named(f"{digest(json.dumps(inputs, sort_keys=True))[:24]}{suffix}", make)

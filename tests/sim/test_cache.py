@@ -1,0 +1,68 @@
+"""Files appear whole or not at all; results are made once for each set of inputs."""
+
+import pytest
+
+from strapdown_sim.cache import Cache, digest, written_whole
+
+
+def test_a_result_is_made_once_for_equal_inputs(tmp_path):
+    cache, made = Cache(tmp_path / "cache"), []
+
+    def make(path):
+        made.append(path)
+        path.write_text(f"answer {len(made)}")
+
+    first = cache.file({"a": 1, "b": [2]}, ".json", make)
+    assert cache.file({"b": [2], "a": 1}, ".json", make) == first
+    assert cache.file({"a": 1, "b": [3]}, ".json", make) != first
+    assert first.read_text() == "answer 1"
+    assert len(made) == 2
+
+
+def test_a_result_that_was_cut_off_is_made_again(tmp_path):
+    cache = Cache(tmp_path)
+
+    def cut_off(path):
+        path.write_text("half")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cache.file({}, ".json", cut_off)
+    assert cache.file({}, ".json", lambda path: path.write_text("answer")).read_text() == "answer"
+
+
+def test_digest_is_the_published_one():
+    """FIPS 180-4, example of one block."""
+    assert digest("abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert digest("a", "b") != digest("ab")
+
+
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_written_whole_or_not_at_all(tmp_path, is_folder):
+    target = tmp_path / "result"
+
+    def write(path, text):
+        if is_folder:
+            path.mkdir()
+            path /= "file"
+        path.write_text(text)
+
+    def read():
+        return (target / "file" if is_folder else target).read_text()
+
+    with written_whole(target) as partial:
+        write(partial, "first")
+        assert not target.exists()
+
+    def cut_off():
+        with written_whole(target) as partial:
+            write(partial, "half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cut_off()
+    assert read() == "first"
+    with written_whole(target) as partial:
+        write(partial, "second")
+    assert read() == "second"
+    assert [path.name for path in tmp_path.iterdir()] == ["result"]
