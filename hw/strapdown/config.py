@@ -67,7 +67,7 @@ class Config(BaseModel):
         if value in ("", None):
             return None
         if info.data.get("channels") == 1:
-            raise ValueError("must be left out where channels is 1")
+            raise ValueError("must be None (empty on a command line) where channels is 1")
         return value
 
     @property

@@ -1,6 +1,6 @@
 """Attitude errors: quaternions and frames compared, figures in degrees.
 
-Quaternions are Hamilton, scalar first, and turn a vector of the sensor frame into the earth frame:
+Quaternions are Hamilton, scalar first, and transform a vector from the sensor frame to the earth frame:
 v_earth = q v_sensor q*. q and -q are the same orientation. See ``docs/notation.md``.
 """
 
@@ -25,7 +25,7 @@ class AttitudeErrors(NamedTuple):
     heading : ndarray, shape (...)
         Part of it about the vertical.
     inclination : ndarray, shape (...)
-        What remains when the heading part is taken out: angle between the two verticals.
+        The rest without the heading part: the angle between the two verticals.
     """
 
     total: np.ndarray
@@ -67,7 +67,7 @@ def conjugate(q):
 def enu_to_nwu(q_s2enu):
     """Sensor-to-ENU quaternion expressed as sensor-to-NWU, shape (..., 4).
 
-    North is y of ENU and x of NWU, so coordinates turn by -90 degrees about the common vertical.
+    North is y of ENU and x of NWU, so coordinates rotate by -90 degrees about the common vertical.
     """
     half = np.sqrt(0.5)
     return multiply((half, 0.0, 0.0, -half), q_s2enu)
@@ -84,13 +84,13 @@ def quaternion_from_matrix(c_n2b):
     Returns
     -------
     ndarray, shape (..., 4)
-        Scalar first. Along the first of the leading axes, time, the sign never jumps; a single
-        matrix and the first of many get a scalar part that is not negative.
+        Scalar first. Along the first of the leading axes, time, the sign is continuous. The scalar
+        part of a single matrix, and of the first of many, is not negative.
 
     Notes
     -----
     The four squares of the components come from the diagonal; the largest one is at least 1/4 and
-    serves as divisor for the others (Shepperd), so no orientation is badly conditioned.
+    divides the others (Shepperd), so no orientation is badly conditioned.
 
     References
     ----------
@@ -132,7 +132,7 @@ def attitude_errors(q_est, q_ref):
     Notes
     -----
     With d = q_est q_ref*, the definition of the BROAD data set: total 2 acos |d0|, heading
-    2 atan |d3 / d0|, inclination 2 acos sqrt(d0^2 + d3^2), in a form exact for tiny angles as well.
+    2 atan |d3 / d0|, inclination 2 acos sqrt(d0^2 + d3^2), in a form that is accurate for small angles too.
 
     References
     ----------
@@ -146,12 +146,12 @@ def attitude_errors(q_est, q_ref):
 
 
 def rotation_angle(q1, q2):
-    """Angle between two orientations, degrees in [0, 180], accurate down to tiny angles."""
+    """Angle between two orientations, degrees in [0, 180], accurate for small angles too."""
     return attitude_errors(q1, q2).total
 
 
 def remove_constant_heading(q_est, q_ref):
-    """Estimate turned about the vertical by the one angle that fits the reference best.
+    """Estimate rotated about the vertical by the constant angle that fits the reference best.
 
     Parameters
     ----------
@@ -161,11 +161,11 @@ def remove_constant_heading(q_est, q_ref):
     Returns
     -------
     ndarray, shape (N, 4)
-        ``q_est`` with the sum of sin^2(total error / 2) at its minimum.
+        ``q_est``, rotated so that the sum of sin^2(total error / 2) is minimal.
 
     Notes
     -----
-    A turn by psi makes d0 into the real part of (d0 + i d3) exp(-i psi / 2); the sum of its
+    A rotation by psi makes d0 the real part of (d0 + i d3) exp(-i psi / 2); the sum of its
     squares is largest where psi is the angle of the sum of (d0 + i d3)^2.
     """
     d = multiply(q_est, conjugate(q_ref))
@@ -186,9 +186,9 @@ def match_reference(recording, q_s2nwu):
     Returns
     -------
     Match
-        Valid reference samples only. Where either side knows heading up to a constant only (a
-        reference that says so, a recording without magnetometer), the reference is turned about the
-        vertical to fit the estimate, and heading errors count from there.
+        Valid reference samples only. If the heading of either side has an unknown constant (a
+        reference that says so, a recording without magnetometer), the reference is rotated about the
+        vertical to fit the estimate, and heading errors are relative to that.
     """
     reference = recording.reference
     index = np.interp(reference.time_s, recording.time_s, np.arange(len(recording.time_s)))

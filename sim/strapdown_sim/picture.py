@@ -1,4 +1,4 @@
-"""Pictures of attitude over time, for reports: PNG files of equal bytes for equal data."""
+"""Pictures of attitude over time, for reports. Equal data give PNG files of equal bytes."""
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -30,13 +30,13 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
     hardware, reference_model : ndarray, shape (N, 3)
         Roll, pitch and yaw, degrees.
     device : ndarray, shape (N, 3), optional
-        A third estimate of the same angles; NaN where there is none.
+        A third estimate of the same angles; NaN where it has no value.
     labels : sequence of str
         Names of hardware, reference model and third estimate, for the legend.
 
     Notes
     -----
-    The difference is shown without sign on a logarithmic scale, as the largest value in each of at
+    The magnitude of the difference is drawn on a logarithmic scale, as the largest value in each of at
     most 600 equal groups of samples. Jumps by a full turn are neither drawn nor counted.
     """
     time_s, hardware, reference_model = (np.asarray(a, float) for a in (time_s, hardware, reference_model))
@@ -48,7 +48,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
             *axes.plot(time_s, _without_jumps(hardware[:, k]), color=_HARDWARE, linewidth=0.8, zorder=3),
             *axes.plot(time_s, _without_jumps(reference_model[:, k]), color=_REFERENCE, linewidth=3.2, zorder=2)]
         if device is not None:
-            # Points, not lines: the estimate may be slower than the samples, or have holes.
+            # Points, not lines: the estimate may have a lower rate than the samples, or gaps.
             handles += axes.plot(time_s, np.asarray(device, float)[:, k], ".", color=_DEVICE, markersize=2.5,
                                  markeredgewidth=0, zorder=1)
         axes.set_ylabel(f"{angle} (°)")
@@ -93,7 +93,7 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
 
     Notes
     -----
-    Outputs whose meaning has the unit degrees have a hole where they jump by more than half a turn.
+    Outputs whose meaning has the unit degrees have a gap where they jump by more than half a turn.
     """
     time_s = np.asarray(time_s, float)
     figure = Figure(figsize=(9.0, 0.9 + 1.5 * len(hardware)), dpi=150, layout="constrained")
@@ -117,14 +117,14 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
 
 
 def _without_jumps(angle):
-    """Angle with a hole where it jumps by more than half a turn, so that no line joins the two sides."""
+    """Angle with a gap where it jumps by more than half a turn, so that no line joins the two sides."""
     broken = np.array(angle, dtype=float)
     broken[1:][np.abs(np.diff(angle)) > 180.0] = np.nan
     return broken
 
 
 def _envelope(time_s, size):
-    """Largest value in each group of samples and the group's first time; zero is left out."""
+    """First time of each group of samples, and the largest value in the group; NaN in place of zero."""
     starts = np.unique(np.linspace(0, len(size), _ENVELOPE_POINTS, endpoint=False).astype(int))
     largest = np.fmax.reduceat(size, starts)
     return time_s[starts], np.where(largest > 0, largest, np.nan)

@@ -1,8 +1,8 @@
 """Recordings of inertial sensors, read and checked: CSV files and NumPy archives.
 
-Every reader returns a `Recording` in one set of units, whatever the file's. A file that cannot be
-trusted ends in a `RecordingError` of one line that names file, place and remedy. The forms are
-described in ``docs/recordings.md``.
+Every reader returns a `Recording` in one set of units, whatever the units of the file. A file with an
+error raises a `RecordingError` of one line that names file, place and remedy. ``docs/recordings.md``
+describes the formats.
 """
 
 import csv
@@ -22,24 +22,24 @@ STANDARD_GRAVITY = 9.80665
 X_IMU_RATE_HZ = 256.0
 """Sample rate assumed for an x-IMU export, whose samples carry packet numbers but no time.
 
-The device writes calibrated inertial data at 2^(n-1) Hz, n being a register that the export holds in
-another file. 256 Hz (n = 9) is its fastest rate and that of the published recording 00033, whose
-real-time clock confirms it: 12,626 samples in 49.3 s.
+The device writes calibrated inertial data at 2^(n-1) Hz; the register n is in another file of the
+export. 256 Hz (n = 9) is the highest rate, and that of the published recording 00033, as its
+real-time clock confirms: 12,626 samples in 49.3 s.
 """
 
 _MAX_STEP = 1.5
-"""Longest time step accepted, in typical steps: between a full period and a lost sample."""
+"""Longest time step that is accepted, in typical steps: more than jitter, less than a lost sample."""
 
 _MAX_PACKET_STEP = 4
-"""Most that x-IMU packet numbers rise between samples: one packet each of the device's quaternion,
-battery and clock streams fit between two samples."""
+"""Largest step of x-IMU packet numbers between samples: one packet each of the device's quaternion,
+battery and clock streams may lie between two samples."""
 
 _UNITS = {
     "Gyroscope": {"deg/s": 1.0, "rad/s": np.degrees(1.0)},
     "Accelerometer": {"g": STANDARD_GRAVITY, "m/s^2": 1.0},
     "Magnetometer": {"uT": 1.0, "G": 100.0, "mG": 0.1, "nT": 0.001},
 }
-"""Factor from each unit a file may use to deg/s, m/s^2 and uT."""
+"""Factor from each unit of a file to deg/s, m/s^2 and uT."""
 
 _TIME, _PACKET = "Time", "Packet number"
 _AXES = "X", "Y", "Z"
@@ -47,12 +47,12 @@ _QUATERNION = tuple(f"Element {k}" for k in (1, 2, 3, 4))
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be used; one line naming file, place and remedy."""
+    """A recording that cannot be used; one line that names file, place and remedy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Orientation to compare with, on its own time axis.
+    """Reference orientation, on its own time axis.
 
     Fields
     ------
@@ -61,11 +61,11 @@ class Reference:
     quaternion : ndarray, shape (M, 4)
         Unit quaternion, scalar first, sensor to earth; (1, 0, 0, 0) where not valid.
     valid : ndarray of bool, shape (M,)
-        Where the reference may be compared with.
+        Where the reference is valid.
     frame : str
         Earth frame, "ENU" or "NWU".
     heading_known : bool
-        Whether its x axis is where the frame says; False where heading has an unknown constant.
+        False if its heading has an unknown constant.
     """
 
     time_s: np.ndarray
@@ -86,7 +86,7 @@ class Recording:
     sample_rate_hz : float
         Mean sample rate.
     time_s : ndarray, shape (N,)
-        Time of each sample, seconds, on the file's own clock.
+        Time of each sample, seconds, on the clock of the file.
     gyro_deg_s : ndarray, shape (N, 3)
         Angular rate, degrees per second.
     accel : ndarray, shape (N, 3)
@@ -94,9 +94,9 @@ class Recording:
     mag : ndarray, shape (N, 3), or None
         Magnetic field, uT, zero where there is no sample; None without magnetometer.
     accel_unit, mag_unit : str, str or None
-        Units the file used, for reports; the arrays above are converted.
+        Units in the file, for reports; the arrays above are converted.
     reference : Reference or None
-        Orientation that came with the recording.
+        Reference orientation in the recording.
     """
 
     name: str
@@ -120,7 +120,7 @@ def read_recording(path: str | os.PathLike, *, sample_rate_hz: float | None = No
         A ``.csv`` file with a header that names sensors and units, an x-IMU export
         (``..._CalInertialAndMag.csv``), or a ``.npz`` archive.
     sample_rate_hz : float, optional
-        Sample rate of an x-IMU export, `X_IMU_RATE_HZ` by default. Other files have their own time.
+        Sample rate of an x-IMU export, `X_IMU_RATE_HZ` by default. Other files contain their time.
     reference : path-like, optional
         Quaternion file of an x-IMU export; by default its sibling ``..._Quaternion.csv`` if there.
 
@@ -158,9 +158,9 @@ def read_recording(path: str | os.PathLike, *, sample_rate_hz: float | None = No
 
 def _refuse_options(path, sample_rate_hz, reference):
     if sample_rate_hz is not None:
-        raise RecordingError(f"{path}: the file has its own time; leave the sample rate out")
+        raise RecordingError(f"{path}: the file contains its time; leave out the sample rate")
     if reference is not None:
-        raise RecordingError(f"{path}: a separate reference belongs to x-IMU exports only; leave it out")
+        raise RecordingError(f"{path}: only x-IMU exports have a separate reference; leave it out")
 
 
 # Tables: a header with units in parentheses, then numbers.
@@ -259,7 +259,7 @@ def _sensor(table, sensor):
     found = []
     for name in names:
         unit = table.units[name]
-        # Both micro sign and Greek mu are in use; a superscript two is one key on some keyboards.
+        # Micro sign and Greek mu are both in use; some keyboards have a superscript two.
         plain = (unit or "").replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u") \
                             .replace("\N{SUPERSCRIPT TWO}", "^2").casefold()
         if plain not in canonical:
@@ -281,7 +281,7 @@ def _sensors(table):
             "accel_unit": accel_unit, "mag_unit": mag_unit}
 
 
-# The three forms.
+# The three formats.
 
 def _from_csv(table):
     _require(table, [_TIME])
@@ -313,11 +313,12 @@ def _from_x_imu(table, sample_rate_hz, reference):
 
 
 def _x_imu_reference(table, path, rate):
-    """The device's own estimate, put on the time axis of the samples.
+    """The device's own estimate, on the time axis of the samples.
 
     The device numbers the packets of all its streams in one sequence and sends a quaternion right
-    after the sample it is computed from, so each belongs to the last sample of a lower number. Both
-    streams have constant rates: equally many samples lie between quaternions, or packets are missing.
+    after the sample from which it is computed, so each quaternion belongs to the last sample with a lower
+    number. Both streams have constant rates: if the number of samples between quaternions changes, packets
+    are missing.
     """
     device = _read_table(path, (_PACKET, *_QUATERNION))
     _require(device, (_PACKET, *_QUATERNION))
@@ -325,16 +326,16 @@ def _x_imu_reference(table, path, rate):
     packets, device_packets = table[_PACKET], device[_PACKET]
     inside = (device_packets > packets[0]) & (device_packets < packets[-1])
     if np.count_nonzero(inside) < 2:
-        raise RecordingError(f"{path}: packet numbers do not meet those of {table.path.name}; "
+        raise RecordingError(f"{path}: packet numbers do not overlap those of {table.path.name}; "
                              "take both files from one export")
     sample = np.searchsorted(packets, device_packets[inside]) - 1
     spacing = np.diff(sample)
     typical = np.median(spacing)
     for row in np.flatnonzero(spacing != typical)[:1]:
         line = np.array(device.lines)[inside][row + 1]
-        raise RecordingError(f"{path}: line {line}: {spacing[row]} samples since the last quaternion where "
-                             f"{typical:g} are usual, so packets are missing; cut both files there")
-    # The device gives earth relative to sensor, and a heading counted from its own start.
+        raise RecordingError(f"{path}: line {line}: {spacing[row]} samples since the previous quaternion instead "
+                             f"of {typical:g}: packets are missing; cut both files there")
+    # The device gives earth relative to sensor, and a heading relative to its start.
     quaternion, valid = _unit_quaternions(device[_QUATERNION][inside] * (1, -1, -1, -1))
     return Reference(time_s=sample / rate, quaternion=quaternion, valid=valid,
                      frame="NWU", heading_known=False)
@@ -414,7 +415,7 @@ def _check_packets(table, largest):
 
 
 def _check_gravity(path, recording):
-    """Refuse a specific force that is closer to 9.8 g or 1/9.8 g than to one g, by ratio."""
+    """Refuse a specific force whose ratio to 9.8 g or 1/9.8 g is closer to one than its ratio to one g."""
     force = np.linalg.norm(recording.accel, axis=1) / STANDARD_GRAVITY
     force = force[force > 0]
     if len(force) and abs(np.log(np.median(force))) > np.log(STANDARD_GRAVITY) / 2:
@@ -423,7 +424,7 @@ def _check_gravity(path, recording):
 
 
 def _unit_quaternions(quaternion):
-    """Quaternions of length one and where they are any; (1, 0, 0, 0) elsewhere."""
+    """Quaternions scaled to unit length, and where they are valid; (1, 0, 0, 0) elsewhere."""
     length = np.linalg.norm(quaternion, axis=-1)
     valid = np.isfinite(length) & (length > 0.5)
     quaternion = np.where(valid[:, None], quaternion, (1.0, 0.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""A recording through a generated core: attitude, comparison with the reference, picture."""
+"""A recording run through a generated core, compared with the reference and drawn."""
 
 import csv
 import json
@@ -35,7 +35,7 @@ __all__ = ["Replay", "replay"]
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay gave.
+    """Result of a replay.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ def test_configurations_go_by_their_names():
 @pytest.mark.parametrize(("change", "message"), [
     ({"frame": "NEU"}, "configuration flight: frame must be 'NWU', 'ENU' or 'NED', not 'NEU'"),
     ({"inputs": "ramp_time,gain"},
-     "configuration flight: inputs must name parameters of the filter, which gain is not, not 'ramp_time,gain'"),
+     "configuration flight: inputs must name parameters of the filter (gain is unknown), not 'ramp_time,gain'"),
     ({"acceleration_time": 0}, "configuration flight: acceleration_time must be greater than 0, not 0"),
     ({"gyro_axes": "+x,+y,+y"}, "configuration flight: gyro_axes must name each sensor axis once, with its sign, as in "
                                 "+y,-x,+z, not '+x,+y,+y'"),

@@ -108,7 +108,7 @@ def test_csv_that_is_refused(file, head, body, message):
 
 
 def test_rate_of_a_file_with_time_is_refused(file):
-    with pytest.raises(RecordingError, match=r"the file has its own time; leave the sample rate out$"):
+    with pytest.raises(RecordingError, match=r"the file contains its time; leave out the sample rate$"):
         read_recording(write(file, header(), rows()), sample_rate_hz=100)
 
 

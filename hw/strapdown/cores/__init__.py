@@ -1,4 +1,4 @@
-"""The Verilog tops with their published ports."""
+"""Filters with their configurations, and the modules with their published ports."""
 
 from .attitude import *
 from .catalogue import *

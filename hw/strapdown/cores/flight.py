@@ -13,7 +13,7 @@ __all__ = ["FLIGHT", "FLIGHT_6AXIS", "FlightConfig", "ins_flight"]
 
 def _parameter_names(names):
     if unknown := [name for name in names if name not in Parameters._fields]:
-        raise ValueError(f"must name parameters of the filter, which {unknown[0]} is not")
+        raise ValueError(f"must name parameters of the filter ({unknown[0]} is unknown)")
     return names
 
 
@@ -21,33 +21,37 @@ class FlightConfig(Config):
     """Parameters of the flight attitude filter (INS_flight); see docs/flight.md."""
 
     frame: Literal["NWU", "ENU", "NED"] = Field(default="NWU", description="navigation frame")
-    magnetometer: bool = Field(default=True, description="whether there is one: 9 axes, or 6")
+    magnetometer: bool = Field(default=True, description="whether there is a magnetometer: 9 axes, else 6")
     accelerometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
     gyro_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
     magnetometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
     period_input: bool = Field(default=False, description="whether the period of each sample is an input")
-    mag_valid_input: bool = Field(default=False, description="whether an input tells which field samples count")
+    mag_valid_input: bool = Field(default=False, description="whether an input says which field samples are valid")
     inputs: Annotated[Names, AfterValidator(_parameter_names)] = Field(
-        default=(), description="parameters that are inputs at run time, not constants")
+        default=(), description="parameters that are inputs at run time instead of constants")
 
     accelerometer_gain: Positive = Field(default=0.5, description="correction of tilt, rad/s per rad")
     magnetometer_gain: Gain = Field(default=0.1, description="correction of heading, rad/s per rad")
     acceleration_time: Positive = Field(default=1.5, description="time constant of the earth-frame low-pass, s")
-    rest_rate: Positive = Field(default=2.0, description="rest: rate about its own average, deg/s")
-    rest_acceleration: Positive = Field(default=0.05, description="rest: specific force about its average, g")
-    rest_time: Gain = Field(default=1.5, description="time without motion that counts as rest, s")
+    rest_rate: Positive = Field(default=2.0, description="rest: largest deviation of the rate from its average, deg/s")
+    rest_acceleration: Positive = Field(
+        default=0.05, description="rest: largest deviation of the specific force from its average, g")
+    rest_time: Gain = Field(default=1.5, description="time without motion after which the body is at rest, s")
     rest_average_time: Positive = Field(default=0.5, description="time constant of the gyro's average, s")
-    bias_limit: Positive = Field(default=2.0, description="longest bias vector of the gyro, deg/s")
-    bias_gain: Gain = Field(default=0.04, description="learning of bias before the first rest, rad/s² per rad")
-    bias_gain_after_rest: Gain = Field(default=0.005, description="the same after it")
-    field_tolerance: Positive = Field(default=0.16, description="deviation at which a field is not believed at all")
-    field_time: Positive = Field(default=20.0, description="time constant of the field's reference, s")
-    field_recovery_time: Positive = Field(default=60.0, description="the same while the field is not believed, s")
-    ramp_gain: Gain = Field(default=10.0, description="added to both gains at the start, rad/s per rad")
-    ramp_time: Positive = Field(default=3.0, description="time in which that falls to zero, s")
-    gyro_range: Positive = Field(default=2000.0, description="longest rate that the gyro measures, deg/s")
+    bias_limit: Positive = Field(default=2.0, description="largest magnitude of the gyro's bias, deg/s")
+    bias_gain: Gain = Field(default=0.04, description="gain of the bias before the first rest, rad/s² per rad")
+    bias_gain_after_rest: Gain = Field(
+        default=0.005, description="gain of the bias after the first rest, rad/s² per rad")
+    field_tolerance: Positive = Field(
+        default=0.16, description="relative deviation at which the weight of the field is zero")
+    field_time: Positive = Field(default=20.0, description="time constant of the reference field, s")
+    field_recovery_time: Positive = Field(
+        default=60.0, description="time constant of the reference field while the weight is zero, s")
+    ramp_gain: Gain = Field(default=10.0, description="addition to both gains at the start, rad/s per rad")
+    ramp_time: Positive = Field(default=3.0, description="time in which this addition falls to zero, s")
+    gyro_range: Positive = Field(default=2000.0, description="largest rate that the gyro measures, deg/s")
     accelerometer_range: Positive = Field(
-        default=157.0, description="longest specific force that the accelerometer measures, in its own unit")
+        default=157.0, description="largest specific force that the accelerometer measures, in its unit")
 
     @property
     def parameters(self):
@@ -56,7 +60,7 @@ class FlightConfig(Config):
 
     @property
     def axes(self):
-        """Axes of the sensors by the kernel's names."""
+        """Axes of the sensors, by the kernel's names."""
         return {"a": self.accelerometer_axes, "g": self.gyro_axes, "m": self.magnetometer_axes}
 
     def systems(self):

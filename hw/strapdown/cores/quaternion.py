@@ -16,20 +16,23 @@ __all__ = ["QUATERNION_J2", "QUATERNION_J3", "QuaternionConfig", "quat_direct"]
 class QuaternionConfig(Config):
     """Parameters of QUAT_direct."""
 
-    rate_max_deg_s: float = Field(gt=0, allow_inf_nan=False,
-                                  description="largest length of the rate vector, for which coefficients are designed")
+    rate_max_deg_s: float = Field(
+        gt=0, allow_inf_nan=False,
+        description="largest magnitude of the rate vector; the coefficients are designed for it")
     order: int = Field(ge=2, le=8, description="order j of the polynomials in u = (|omega|·T)²")
     method: Literal["least-squares", "minimax"] = Field(
-        default="minimax", description="how coefficients are found: the patent's way or with the least largest error")
+        default="minimax",
+        description="how coefficients are found: as in the patent, or with the smallest maximum error")
     renormalise_every: int = Field(default=0, ge=0, le=1_000_000,
-                                   description="updates from one renormalisation to the next; 0: never")
-    coning: bool = Field(default=False, description="two rates an update, of the halves of T, with coning correction")
+                                   description="number of updates from one renormalisation to the next; 0: never")
+    coning: bool = Field(
+        default=False, description="two rates per update, one for each half of T, with coning correction")
 
     @property
     def coefficients(self):
         """The coefficient vectors a0 and d0: a strapdown.design.TransitionCoefficients.
 
-        Raises: ValueError if the largest rate turns too far in one update.
+        Raises: ValueError if the rotation in one update at the largest rate is too large.
         """
         return METHODS[self.method](self.order, math.radians(self.rate_max_deg_s) * self.period_s)
 

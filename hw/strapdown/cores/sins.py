@@ -19,13 +19,13 @@ __all__ = ["SINS", "SINS_DAMPED", "SinsConfig", "sins_top"]
 
 EARTHS = {"source": sins.SOURCE_EARTH, "wgs84": sins.WGS84}
 ORDER = 3
-"""Order of the attitude's polynomials: at 50 Hz and 400 deg/s they turn by 1e-14 rad too far in an update."""
+"""Order of the attitude's polynomials: at 50 Hz and 400 deg/s their error is 1e-14 rad per update."""
 
 DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH),
                    operators=(Adder(), Multiplier(), Divider(bits_per_cycle=2), Arctangent(), Selector()),
                    operand_memory=MemoryStyle.BLOCK)
-"""Operators in binary64, operands in block RAM: there are more than LUTs would hold cheaply. The adder sets the clock
-frequency, so that two bits a cycle in the divider cost nothing."""
+"""Operators in binary64. The operands are in block RAM, because there are too many for LUTs. The adder limits the clock
+frequency, so two bits per cycle in the divider cost nothing."""
 
 
 class SinsConfig(Config):
@@ -34,13 +34,14 @@ class SinsConfig(Config):
     sample_rate_hz: float = Field(gt=0, le=1000, allow_inf_nan=False, description="samples per second, 1/T")
     earth: Literal["source", "wgs84"] = Field(default="source", description="constants of the earth")
     alignment_samples: int = Field(default=3000, ge=2, le=1_000_000,
-                                   description="samples that a coarse alignment averages")
+                                   description="number of samples that a coarse alignment averages")
     damping_s: float = Field(default=0, ge=0, le=1e5, allow_inf_nan=False,
                              description="time constant of the vertical loop, s; 0: free, without altitude input")
-    rate_max_deg_s: float = Field(default=400, gt=0, allow_inf_nan=False,
-                                  description="largest rate, for which coefficients are designed; beyond: out of range")
+    rate_max_deg_s: float = Field(
+        default=400, gt=0, allow_inf_nan=False,
+        description="largest rate; the coefficients are designed for it, and a larger one is out of range")
     force_max_m_s2: float = Field(default=160, gt=0, allow_inf_nan=False,
-                                  description="largest specific force; beyond: out of range")
+                                  description="largest specific force; a larger one is out of range")
     pool: pydantic.InstanceOf[Pool] = Field(default=DOUBLE_POOL, description="operators of the engine")
 
     def systems(self):
@@ -74,7 +75,7 @@ KERNELS = (sins.earth_and_transport_rate, polynomial, sins.attitude_quaternion, 
 def sins_top(config):
     """System of SINS_top for a SinsConfig.
 
-    Raises: ValueError if the largest rate turns too far in one sample period.
+    Raises: ValueError if the rotation in one sample period at the largest rate is too large.
     """
     largest = math.radians(config.rate_max_deg_s)
     coefficients = METHODS["minimax"](ORDER, largest * config.period_s)

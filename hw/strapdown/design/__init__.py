@@ -1,4 +1,4 @@
-"""Numbers that are found once, before a circuit exists: coefficients of the kernels' polynomials."""
+"""Numbers that are computed before generation: the coefficients of the kernels' polynomials."""
 
 from .polynomial import arctangent_coefficients, sine_coefficients
 from .quaternion import METHODS, TransitionCoefficients, least_squares, minimax, smallest_order

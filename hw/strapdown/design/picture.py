@@ -1,4 +1,4 @@
-"""Picture of coefficients' errors over the rate: a PNG file of equal bytes for equal data."""
+"""Picture of the coefficients' errors over the rate. Equal data give a PNG file of equal bytes."""
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -15,11 +15,11 @@ def error_picture(path, designs, *, period_s, highlighted):
     path : path-like
         PNG file to write.
     designs : sequence of TransitionCoefficients
-        All of one largest angle.
+        All for the same largest angle.
     period_s : float
         Update period, seconds.
     highlighted : TransitionCoefficients
-        The one of ``designs`` that was asked for.
+        The one of ``designs`` that is drawn with a thick line.
     """
     figure = Figure(figsize=(9.0, 5.4), dpi=150, layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)

@@ -1,6 +1,6 @@
-"""Polynomials of least greatest error, in decimal arithmetic of 60 digits.
+"""Minimax polynomials, in decimal arithmetic of 60 digits.
 
-Errors soon fall below what float64 can tell from zero, so everything here is a Decimal.
+The errors fall below the resolution of float64, so everything here is a Decimal.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ ROUNDS = 30
 def arctangent_coefficients(order):
     """Coefficients c_0 … c_order of atan(t) = t + t·u·Σ c_i·uⁱ, u = t², for 0 <= t <= 1.
 
-    They have the least greatest error relative to atan(t).
+    Their largest error relative to atan(t) is minimal.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def arctangent_coefficients(order):
     -------
     coefficients : tuple of Decimal
     error : Decimal
-        The greatest relative error.
+        The largest relative error.
     """
     return _odd_function(_arctangent_ratio, order, Decimal(1))
 
@@ -38,14 +38,14 @@ def arctangent_coefficients(order):
 def sine_coefficients(order):
     """Coefficients c_0 … c_order of sin(t) = t + t·u·Σ c_i·uⁱ, u = t², for 0 <= t <= π/2.
 
-    They have the least greatest error relative to sin(t). Parameters and result as of ``arctangent_coefficients``.
+    Their largest error relative to sin(t) is minimal. Parameters and result as of ``arctangent_coefficients``.
     """
     with localcontext(prec=DIGITS):
         return _odd_function(_sine_ratio, order, (2 * _arctangent(Decimal(1))) ** 2)
 
 
 def _odd_function(ratio, order, last):
-    """Coefficients and greatest relative error of t + t·u·Σ c_i·uⁱ for t·ratio(u), with u from 0 to ``last``."""
+    """Coefficients and largest relative error of t + t·u·Σ c_i·uⁱ for t·ratio(u), with u from 0 to ``last``."""
     with localcontext(prec=DIGITS):
         coefficients = remez(lambda u: (ratio(u) - 1) / u if u else Decimal(0), lambda u: u / ratio(u), order, last,
                              grid=4000)

@@ -1,9 +1,9 @@
 """Coefficients of the quaternion's state transition: polynomials in place of cosine and sine.
 
-A turn by x = |omega|·T multiplies the quaternion by a = cos(x/2) and d·omega with
-d = T·sin(x/2)/x. Both are even in x, so that polynomials in u = x² can stand for them:
-a = Σ a0_i·uⁱ and d = T·Σ d0_i·uⁱ, i = 0 … j (source 001). Errors soon fall below what float64
-can tell from zero; everything here is therefore computed with 60 decimal digits.
+A rotation by x = |omega|·T multiplies the quaternion by a = cos(x/2) and d·omega with
+d = T·sin(x/2)/x. Both are even in x, so polynomials in u = x² can replace them:
+a = Σ a0_i·uⁱ and d = T·Σ d0_i·uⁱ, i = 0 … j (source 001). The errors fall below the resolution of
+float64, so everything here is computed with 60 decimal digits.
 """
 
 import operator
@@ -19,20 +19,20 @@ from .polynomial import DIGITS, evaluate, interpolate, remez
 __all__ = ["METHODS", "TransitionCoefficients", "least_squares", "minimax", "smallest_order"]
 
 LARGEST_ANGLE = 3.0
-"""Largest turn in one update, rad: at pi the sign of the sample's axis would be ambiguous."""
+"""Largest rotation in one update, rad: at pi the sign of its axis would be ambiguous."""
 HIGHEST_ORDER = 8
 
 
 @dataclass(frozen=True)
 class TransitionCoefficients:
-    """The two coefficient vectors, and how far they are from the exact rotation.
+    """The two coefficient vectors, and their errors against the exact rotation.
 
     Attributes
     ----------
     a0, d0 : tuple of float
         Coefficients of u⁰ … uʲ: a = Σ a0_i·uⁱ, d = T·Σ d0_i·uⁱ, u = (|omega|·T)².
     largest_angle : float
-        The range they were designed for: |omega|·T from 0 to this, rad.
+        End of the range for which they are designed: |omega|·T from 0 to this, rad.
     method : str
         "least-squares" or "minimax".
     """
@@ -48,18 +48,18 @@ class TransitionCoefficients:
         return len(self.a0) - 1
 
     def rounded(self, dtype):
-        """The same, each coefficient rounded to a NumPy type: what a circuit of that format starts from."""
+        """These coefficients rounded to a NumPy type, as a circuit of that format has them."""
         return replace(self, a0=tuple(map(float, np.array(self.a0, dtype))),
                        d0=tuple(map(float, np.array(self.d0, dtype))))
 
     def errors(self, angles):
-        """Errors of one update that turns by ``angles`` (rad, any shape).
+        """Errors of one update that rotates by ``angles`` (rad, any shape).
 
         Returns
         -------
         angle, norm : ndarray of float64
-            Angle turned too far, rad; relative growth of the quaternion's norm. The
-            coefficients count as the float64 numbers that they are; arithmetic is exact.
+            Excess of the rotation angle, rad; relative growth of the quaternion's norm. Of the
+            coefficients as float64 numbers, in exact arithmetic.
         """
         pairs = [self._errors(Decimal(float(x))) for x in np.ravel(angles)]
         angle, norm = (np.array(column, dtype=float).reshape(np.shape(angles)) for column in zip(*pairs, strict=True))
@@ -75,10 +75,10 @@ class TransitionCoefficients:
             u = x * x
             cosine, sine = _cosine(u), x * _sine_over_angle(u)
             a, s = evaluate(self.a0, u), x * evaluate(self.d0, u)
-            # (a, s) turned back by the exact half angle: what is left is the error, and small.
+            # (a, s) rotated back by the exact half angle: the small rest is the error.
             along, across = a * cosine + s * sine, s * cosine - a * sine
             ratio = across / along
-            # Half the angle is the arctangent of this ratio, which is its own first term.
+            # Half the angle is the arctangent of this ratio: two terms of its series.
             return 2 * (ratio - ratio**3 / 3), (along * along + across * across).sqrt() - 1
 
 
@@ -104,11 +104,11 @@ def least_squares(order, largest_angle):
     """The patent's coefficients for an order j >= 2 and the range 0 … ``largest_angle`` (rad) of x.
 
     They minimise J1 = Σ_{i=0…j} [cos(iH/2) − a0·h_i]² and J2 = Σ_{i=1…j+1} [sin(iH/2) − d0·h_i·iH]²,
-    h_i = (1, (iH)², (iH)⁴, …). With as many nodes as coefficients both minima are zero: the
-    polynomials that pass through all nodes. H is chosen for each sum so that its last node is the
-    end of the range; one H for both would leave a third of J1's range without a node at j = 2.
+    h_i = (1, (iH)², (iH)⁴, …). There are as many nodes as coefficients, so both minima are
+    zero: the polynomials pass through all nodes. Each sum has an H of its own, so that its last node is
+    the end of the range; one H for both would leave a third of J1's range without a node at j = 2.
 
-    Raises: ValueError for an order or a range that cannot be.
+    Raises: ValueError if the order or the angle is out of range.
     """
     first = [(largest_angle * i / order) ** 2 for i in range(order + 1)]
     second = [(largest_angle * i / (order + 1)) ** 2 for i in range(1, order + 2)]
@@ -118,9 +118,9 @@ def least_squares(order, largest_angle):
 
 @_checked
 def minimax(order, largest_angle):
-    """Coefficients with the least largest error: max |a − cos(x/2)| and max |d·x/T − sin(x/2)|.
+    """Coefficients with the smallest max |a − cos(x/2)| and max |d·x/T − sin(x/2)|, by Remez' exchange in u.
 
-    Parameters, result and errors as of ``least_squares``. By Remez' exchange, in u.
+    Parameters, result and errors are those of ``least_squares``.
     """
     last = largest_angle * largest_angle
     return (remez(_cosine, lambda u: Decimal(1), order, last),
@@ -132,7 +132,7 @@ METHODS = {"least-squares": least_squares, "minimax": minimax}
 
 
 def smallest_order(method, largest_angle, *, wanted):
-    """The coefficients of least order whose worst angle error in one update is at most ``wanted`` rad.
+    """The coefficients of lowest order whose worst angle error in one update is at most ``wanted`` rad.
 
     ``method`` is a key of ``METHODS``. Raises: ValueError if the highest order does not reach it.
     """

@@ -1,4 +1,4 @@
-"""A system: equations with names for what goes in, what is kept and what comes out."""
+"""A system: equations, and the names of their inputs, state and outputs."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -82,21 +82,21 @@ class System:
     reset : dict
         State word to its value after reset; all words that are left out are zero.
     status : tuple of str
-        Conditions of the kernel that are shown as status bits, lowest first.
+        Conditions of the kernel that become status bits, lowest first.
     sections : tuple of str
-        Stages of the kernel, in order.
+        Sections of the kernel, in order.
     start, finish : str
         Ports of the handshake.
     kernels : tuple of callable
-        The functions whose docstrings explain the equations.
+        The functions whose docstrings describe the equations in the header.
     meanings : dict
         Argument or result name to meaning, unit and frame of its ports.
     integers : dict
         Input port that carries an integer in two's complement, such as the word of an analogue-to-digital
         converter, to its number of bits, at least 2. The equations get the number; the pool needs a Converter.
     status_port : str
-        Port of the status bits; a system that has one refuses an update in which a number is
-        not finite. Empty: NaN and infinity go their way to the outputs.
+        Port of the status bits. A system with a status port refuses an update in which a number is
+        not finite. Empty: NaN and infinity propagate to the outputs.
     """
 
     name: str
@@ -118,11 +118,11 @@ class System:
     def __post_init__(self):
         words = dict.fromkeys(leaves(self.state), 0.0)
         if unknown := [word for word in self.reset if word not in words]:
-            raise ValueError(f"reset must name words of the state, which {unknown[0]} is not")
+            raise ValueError(f"reset names {unknown[0]!r}, which is no word of the state")
         object.__setattr__(self, "reset", words | self.reset)
         for port, bits in self.integers.items():
             if port not in self.input_ports:
-                raise ValueError(f"integers must name input ports, which {port} is not")
+                raise ValueError(f"integers names {port!r}, which is no input port")
             if bits < 2:
                 raise ValueError(f"integer port {port} must have at least 2 bits, not {bits!r}")
 
@@ -141,7 +141,7 @@ class System:
         return self.integers.get(port, format.width)
 
     def input_bits(self, port, format, values):
-        """What stands at an input port for numbers, or for integers if it is a port of such: unsigned integers."""
+        """Bits at an input port as unsigned integers, from numbers, or from integers for an integer port."""
         if port in self.integers:
             return np.asarray(values, np.int64).view(np.uint64) & np.uint64((1 << self.integers[port]) - 1)
         return format.to_bits(values)
@@ -251,7 +251,7 @@ class System:
             status={name: update.status[name].operand for name in self.status})
 
     def update_float64(self, inputs, state=None):
-        """One update of the equations in float64: the kernel's truth.
+        """One update of the equations in float64.
 
         ``inputs`` and ``state`` map ports and words to arrays; the result maps output ports and
         state words to arrays and status names to bools.
@@ -259,10 +259,10 @@ class System:
         return self._update(Float64(), np.float64, lambda array: array, inputs, state)
 
     def update_twin(self, pool, inputs, state=None):
-        """One update as the circuit computes it, every bit: as ``update_float64``, with arrays of the format's dtype.
+        """One update, equal to the circuit in every bit: as ``update_float64``, in the format's dtype.
 
-        An update in which a number that the circuit writes is not finite is refused by a system
-        with a status port: ``refused`` tells which samples, their outputs and state are NaN.
+        A system with a status port refuses an update in which a number that the circuit writes is not
+        finite: ``refused`` says which ones. Outputs and state of refused updates have no meaning here.
         """
         xp = Twin(pool)
         with np.errstate(all="ignore"):
@@ -299,9 +299,10 @@ class System:
 
         Notes
         -----
-        Samples depend on each other, but the twin is fast only on many at once. NumPy's own arithmetic
-        therefore predicts the states of a block of samples, one after the other; the twin computes the
-        block from the prediction, and what follows the first wrong bit is computed again.
+        An update needs the state of the update before it, but the twin is fast only on many samples at
+        once. NumPy's own arithmetic therefore predicts the states of a block of samples, one after the
+        other, and the twin computes the whole block from the predicted states. The samples after the
+        first wrong prediction are computed again, so the result never depends on the prediction.
         """
         fmt, words = pool.format, tuple(self.reset)
         ports = dict(zip(self.input_ports, np.broadcast_arrays(
@@ -366,9 +367,9 @@ class System:
         return result, {name: result[name][-1] for name in held}
 
     def _predicted(self, dtype, inputs, state):
-        """State before each of the updates of a block, nearly always that of the twin.
+        """State before each of the updates of a block, nearly always equal to that of the twin.
 
-        NumPy rounds as the operators do, but for subnormal numbers and trigonometry.
+        NumPy rounds as the operators do, except for subnormal numbers and trigonometry.
         """
         if not state:
             return {}

@@ -13,11 +13,11 @@ from strapdown_sim.truth import module_outputs
 core, config = core_under_test()
 fmt = core.engine.program.format
 UPDATES = min(200, 51_200_000 // (core.latency * fmt.width**2))
-"""Random updates: 200 of a thesis core, fewer of a longer one. A cycle costs about the square of the numbers' width."""
+"""Random updates: 200 of a thesis core, fewer of a slower one. A cycle takes time as the square of the width."""
 
 SWITCHES = {port: chance for port, chance in (("in_load", 0.1), ("in_load_en", 0.1), ("in_align", 0.4))
             if port in core.system.input_ports}
-"""Inputs that are 1.0 or 0.0, and how often 1.0."""
+"""Inputs that are 1.0 or 0.0, and the probability of 1.0."""
 
 OFF = dict.fromkeys(SWITCHES, 0.0)
 NOT_FINITE = math.nan, math.inf, -math.inf
@@ -26,7 +26,7 @@ EXTREME = LIMITS.max, -LIMITS.max, LIMITS.tiny, LIMITS.smallest_subnormal, 0.0, 
 
 
 def samples(count):
-    """Random inputs of all magnitudes that sensors and matrices have, as a list of dicts; the first loads."""
+    """Random inputs with the magnitudes of sensors and matrices, as a list of dicts; the first one loads."""
     rng = np.random.default_rng(cocotb.RANDOM_SEED)
     values = rng.standard_normal((count, len(core.system.input_ports))) * 10 ** rng.uniform(-2, 2, (count, 1))
     inputs = dict(zip(core.system.input_ports, values.T, strict=True))
@@ -58,7 +58,7 @@ async def every_bit_of_the_twin(dut):
     rng = np.random.default_rng(cocotb.RANDOM_SEED)
     for index, sample in enumerate(inputs):
         if index % 3 == 2:
-            # One input at a limit of the format; the twin knows whether that is too much.
+            # One input at a limit of the format; the twin decides whether that is refused.
             sample |= {rng.choice(core.system.input_ports): EXTREME[index // 3 % len(EXTREME)]}
     twin, _ = core.system.run(core.engine.program.schedule.pool,
                               {port: np.array([sample[port] for sample in inputs]) for port in core.system.input_ports})
@@ -71,12 +71,12 @@ async def every_bit_of_the_twin(dut):
 
 @cocotb.test(timeout_time=10, timeout_unit="ms", skip=not core.system.status_port)
 async def not_a_number_is_refused(dut):
-    """NaN or infinity on any input: outputs and state stay, the finish rises in time, one bit tells."""
+    """NaN or infinity on any input: outputs and state stay, the finish rises in time, and a status bit is set."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     first, second = samples(2)
     second |= OFF
-    # The first update after a reset has no outputs to hold but the reset's.
+    # The first update after a reset holds the outputs of the reset.
     await driver.update(first | dict.fromkeys(core.system.input_ports[:1], math.nan))
     assert driver.status() == {"refused"}
     assert driver.outputs() == core.engine.reset_outputs
@@ -92,7 +92,7 @@ async def not_a_number_is_refused(dut):
         assert driver.finish.value
         assert driver.status() == {"refused"}, port
         assert driver.bits() == before
-    # The state is untouched too: the next update is the second, as if nothing had been between.
+    # The state has not changed either: the next update is the second one.
     await driver.update(second)
     after = driver.bits()
     assert driver.status() != {"refused"}
@@ -125,7 +125,7 @@ async def finish_falls_at_once_and_outputs_hold(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def start_while_busy_is_ignored(dut):
-    """A start in the middle changes neither the result nor the time; a held start begins anew after the finish."""
+    """A start in the middle changes neither result nor time; one that stays high starts again after the finish."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     first, second = samples(2)
@@ -145,7 +145,7 @@ async def start_while_busy_is_ignored(dut):
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms", skip=not core.system.status_port)
-async def ignored_start_is_told(dut):
+async def ignored_start_sets_its_bit(dut):
     """A start while busy sets its bit at once; the next start that is taken clears it."""
     driver = CoreDriver(dut, core)
     await driver.reset()
@@ -168,12 +168,12 @@ async def ignored_start_is_told(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def reset_in_the_middle(dut):
-    """A short reset at any time ends the update and the state; the next update is as the first after power-up."""
+    """A short reset at any time ends the update and resets the state; the next update is a first one."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     assert driver.outputs() == core.engine.reset_outputs
     first, second = samples(2)
-    # A load would hide what the reset left of the state.
+    # A load would hide a state that the reset has missed.
     await driver.update(second | OFF)
     expected = driver.bits()
     for cycles in (0, core.latency // 2, core.latency - 1):

@@ -1,4 +1,4 @@
-"""Bench for INS_flight alone: alignment to a known attitude, and each status bit by its cause."""
+"""Bench for INS_flight: alignment to a known attitude, and the cause of each status bit."""
 
 import cocotb
 import numpy as np
@@ -12,33 +12,33 @@ from strapdown_sim.truth import flight_filter
 core, config = core_under_test()
 G, FIELD = 9.81, (20.0, 0.0, -45.0)
 SAMPLE = {"a": (0.1, -0.2, 9.7), "m": (20.0, 3.0, -40.0), "g": (1.0, -2.0, 3.0)}
-"""Of a sensor that does not matter: m/s², µT, deg/s."""
+"""Default vectors: m/s², µT, deg/s."""
 TOLERANCE_DEG = 1e-4
-"""Some thirty roundings of 2**-24 rad in an update, and a dozen updates."""
+"""About thirty roundings of 2**-24 rad per update, and twelve updates."""
 
 
 def sample(**vectors):
-    """Inputs of one update; SAMPLE where nothing else is said."""
+    """Inputs of one update; the default is SAMPLE."""
     vectors = SAMPLE | vectors
     return core.system.bind(**{name: vectors[name] for name in core.system.inputs})
 
 
 def difference(angles, expected):
-    """The largest difference of angles, degrees, across 360 too."""
+    """The largest difference of angles, degrees, modulo 360."""
     return np.abs((np.subtract(angles, expected) + 180) % 360 - 180).max()
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def aligns_at_once(dut):
-    """At rest, turned about all axes: the attitude after the samples that are believed at once."""
+    """At rest in a known attitude: the attitude after the samples that are taken over at once."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     q = np.array([0.8, 0.4, -0.2, 0.4])
     c = matrix_from_quaternion(q / np.linalg.norm(q))
-    # A correction acts in the update after.
+    # A correction acts one update later.
     for _ in range(2 * ALIGNMENTS + 1):
         await driver.update(sample(a=c @ (0, 0, G), m=c @ FIELD, g=(0, 0, 0)))
-    # Without magnetometer only the vertical is known.
+    # Without a magnetometer only the vertical is known.
     columns = slice(None) if config.magnetometer else 2
     assert np.abs(driver.vectors()["c"] - c)[:, columns].max() <= np.radians(TOLERANCE_DEG)
     assert driver.status() == {"starting"}
@@ -46,7 +46,7 @@ async def aligns_at_once(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def status_by_cause(dut):
-    """Sensors that fail, one after the other: each is told, and the attitude is the float64 reference's."""
+    """Sensors fail one after the other: each sets its bit, and the attitude is that of the float64 reference."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     truth, nothing = flight_filter(config), (0.0, -0.0, 0.0)

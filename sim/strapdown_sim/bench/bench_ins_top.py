@@ -1,4 +1,4 @@
-"""Bench for INS_top alone: table 5-7, and everything that can be wrong with a sample."""
+"""Bench for INS_top: table 5-7, and samples that are wrong in every way."""
 
 import math
 
@@ -12,17 +12,17 @@ from strapdown_sim.truth import complementary_filter
 
 core, config = core_under_test()
 SAMPLE = {"a": (0.1, -0.2, 9.7), "m": (20.0, 3.0, -40.0), "g": (1.0, -2.0, 3.0)}
-"""Of a sensor that does not matter: m/s², µT, deg/s."""
+"""Default vectors: m/s², µT, deg/s."""
 
 
 def sample(**vectors):
-    """Inputs of one update; SAMPLE where nothing else is said."""
+    """Inputs of one update; the default is SAMPLE."""
     return core.system.bind(**SAMPLE | vectors)
 
 
 def near(driver, truth):
     """Whether all nine elements of the matrix are the reference's, within 1e-6."""
-    # Some ten roundings of 2**-24 an update, and a handful of updates.
+    # About ten roundings of 2**-24 per update, and a few updates.
     return np.abs(driver.vectors()["c"] - truth.c_n2b).max() < 1e-6
 
 
@@ -61,7 +61,7 @@ async def state_after_reset(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def sensor_without_length(dut):
-    """A zero accelerometer or magnetometer does not correct, and says so; the other goes on."""
+    """A zero accelerometer or magnetometer does not correct and sets its bit; the other one still corrects."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     truth, nothing = complementary_filter(config), (0.0, -0.0, 0.0)
@@ -79,7 +79,7 @@ async def sensor_without_length(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def overflow_is_refused(dut):
-    """Finite numbers too large for the arithmetic are refused like infinite ones, in the first update too."""
+    """Finite numbers that overflow are refused like infinite ones, in the first update too."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     at_reset = driver.bits()
@@ -94,7 +94,7 @@ async def overflow_is_refused(dut):
 
 @cocotb.test(timeout_time=100, timeout_unit="ms")
 async def gimbal_lock(dut):
-    """Turned about west through straight down and on: angles stay numbers, pitch comes near 90 and not above."""
+    """Rotation about west through the vertical: the angles stay finite, and pitch reaches 90 but not more."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     highest = 0.0

@@ -1,4 +1,4 @@
-"""Bench for QUAT_direct alone: exact turns, and the start quaternion."""
+"""Bench for QUAT_direct: exact rotations, and the start quaternion."""
 
 import math
 
@@ -10,7 +10,7 @@ from strapdown_sim.drivers.bench import core_under_test
 
 core, config = core_under_test()
 ROUNDING = 2.5 * 2.0**-core.engine.program.format.precision
-"""Of a component in one update: two products, their sum, a and d."""
+"""Rounding of a component in one update: two products, their sum, a and d."""
 
 
 def inputs(rate=(0.0, 0.0, 0.0), start=(0.0, 0.0, 0.0, 0.0), load=0.0):
@@ -20,7 +20,7 @@ def inputs(rate=(0.0, 0.0, 0.0), start=(0.0, 0.0, 0.0, 0.0), load=0.0):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def half_a_turn_about_each_axis(dut):
-    """As many updates as make 180 degrees at the largest rate, about each axis, from the reset: that axis."""
+    """Updates at the largest rate add up to 180 degrees about each axis: the quaternion is that axis."""
     driver = CoreDriver(dut, core)
     rate = math.radians(config.rate_max_deg_s)
     count = round(math.pi / (rate * config.period_s))
@@ -34,7 +34,7 @@ async def half_a_turn_about_each_axis(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def a_load_takes_the_start_quaternion(dut):
-    """With the load the start quaternion comes out, whatever the rate; the next update turns on from there."""
+    """A load gives the start quaternion, whatever the rate; the next update propagates it."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     # Exact in binary32.
@@ -50,7 +50,7 @@ async def a_load_takes_the_start_quaternion(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def without_a_rate_it_stands(dut):
-    """No rate: the quaternion of the reset, in every component."""
+    """With zero rate every component keeps its reset value."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""Bench for SINS_top alone: start values, an alignment at rest, rest itself, and what its status tells."""
+"""Bench for SINS_top: start values, an alignment at rest, rest, and the status."""
 
 import math
 
@@ -33,7 +33,7 @@ def sample(omega=None, f=None, *, velocity=(0.0, 0.0, 0.0), load=0.0, align=0.0)
 
 
 def check(driver, velocity=(0.0, 0.0, 0.0)):
-    """Assert that attitude and position are the start's, and so is the velocity, within rounding."""
+    """Assert that attitude, position and velocity are those of the start, within rounding."""
     told = driver.vectors()
     np.testing.assert_allclose(told["attitude"], (0.0, 0.0, HEADING_DEG), rtol=0, atol=DEGREE)
     np.testing.assert_allclose(told["position"], (LATITUDE_DEG, LONGITUDE_DEG), rtol=0, atol=DEGREE)
@@ -54,7 +54,7 @@ async def waits_for_a_load(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def start_values_and_rest(dut):
-    """A load gives the start values at once; a body that rests in them stays."""
+    """A load gives the start values at once; a body at rest keeps them."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     velocity = 70.0, -20.0, 3.0
@@ -71,7 +71,7 @@ async def start_values_and_rest(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def aligns_at_rest(dut):
-    """So many samples of earth rate and gravity give the attitude; the start quaternion does not count."""
+    """Samples of earth rate and gravity give the attitude; the start quaternion is ignored."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     for k in range(config.alignment_samples):
@@ -85,8 +85,8 @@ async def aligns_at_rest(dut):
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
-async def range_is_told(dut):
-    """A rate or a force beyond the range sets its bit, and the update is made."""
+async def out_of_range_sets_its_bit(dut):
+    """A rate or a force beyond the range sets the bit, and the update is still made."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     await driver.update(sample(load=1.0))

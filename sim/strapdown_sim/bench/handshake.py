@@ -1,4 +1,4 @@
-"""The cores' handshake, as a user's RTL would drive it."""
+"""The handshake of a core, driven as in a user's RTL."""
 
 import numpy as np
 from cocotb.clock import Clock

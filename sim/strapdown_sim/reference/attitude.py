@@ -1,8 +1,8 @@
 """Attitude filter of the thesis in float64: complementary filter on a quaternion.
 
 Written from the equations of the thesis (eqs. 2.26 to 2.47), misprints corrected, in the form a
-textbook gives them: matrix products, cross products, Hamilton product. Nothing here knows how the
-hardware orders its operations, so a mistyped equation on either side shows as a difference.
+textbook gives them: matrix products, cross products, Hamilton product. Nothing here depends on the
+order of operations in hardware, so a mistyped equation on either side shows as a difference.
 
 ``c_n2b`` is the direction cosine matrix C_n^b, navigation to body: its rows are the body axes in
 the navigation frame. The navigation frame is NWU: x magnetic north, y west, z up. See

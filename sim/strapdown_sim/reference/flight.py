@@ -1,13 +1,13 @@
 """The flight attitude filter in float64, written from its equations in ``docs/flight.md``.
 
 A Mahony filter (Mahony, Hamel and Pflimlin, "Nonlinear complementary filters on the special
-orthogonal group", 2008) with what flight needs besides: specific force low-passed in the earth
-frame and bias learnt at rest (Laidig and Seel, "VQF", 2023), a magnetometer that corrects heading
-only and is believed as far as its field looks like the earth's, and a start-up ramp.
+orthogonal group", 2008) with additions for flight: a low-pass of the specific force in the earth
+frame and a bias learnt at rest (Laidig and Seel, "VQF", 2023), a magnetometer that corrects the heading
+only, with a weight that falls with the deviation of its field from the reference, and a start-up ramp.
 
-All is computed in NWU (x magnetic north, y west, z up) with vectors, rotations and exponentials as
-the equations have them, and turned into the wanted frame at the end. Nothing here knows the
-kernel's form or order of operations.
+Everything is computed in NWU (x magnetic north, y west, z up) with the vectors, rotations and exponentials
+of the equations, and transformed to the wanted frame at the end. Nothing here depends on the kernel's form
+or order of operations.
 """
 
 import math
@@ -29,13 +29,13 @@ STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest"
 _HALF = np.sqrt(0.5)
 FRAME_QUATERNIONS = {"NWU": np.array([1.0, 0, 0, 0]), "ENU": np.array([_HALF, 0, 0, _HALF]),
                      "NED": np.array([0.0, 1, 0, 0])}
-"""Quaternion that takes coordinates in NWU to coordinates in each navigation frame."""
+"""Quaternion that transforms coordinates in NWU to coordinates in each navigation frame."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 class FlightResult(NamedTuple):
-    """What the filter says after each of N updates.
+    """Outputs of the filter after each of N updates.
 
     Fields
     ------
@@ -67,12 +67,12 @@ class FlightResult(NamedTuple):
 
 
 class FlightFilter:
-    """The filter: state, and whole recordings.
+    """The filter, with its state.
 
     Parameters
     ----------
     period_s : float
-        Sample period where a run gives none, seconds.
+        Sample period of runs that give none, seconds.
     frame : str
         Navigation frame: "NWU", "ENU" or "NED".
     axes : dict
@@ -108,7 +108,7 @@ class FlightFilter:
         self.reset()
 
     def reset(self, q_b2n=(1.0, 0.0, 0.0, 0.0), *, aligned=False):
-        """Start anew from a unit quaternion; ``aligned`` keeps the first samples from replacing it at once."""
+        """Start again from a unit quaternion; with ``aligned`` the first samples do not replace it at once."""
         before = 0.0 if aligned else -float(ALIGNMENTS)
         self._state = {
             "q": _product(_conjugate(FRAME_QUATERNIONS[self._frame]), np.array(q_b2n, dtype=float)),
@@ -117,7 +117,7 @@ class FlightFilter:
             "field": np.zeros(2), "field_clock": before, "field_age": 0.0}
 
     def run(self, accel, mag, gyro_deg_s, *, period_s=None, mag_valid=None):
-        """Update by update through a recording, from the present state.
+        """One update per sample of a recording, from the current state.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
-"""Exact rotations in float64: what quaternion propagation is measured against.
+"""Exact rotations in float64, as the reference of quaternion propagation.
 
 Quaternions are Hamilton's, scalar first, body to navigation; rates are in body axes, rad/s.
 Written from the definition of the quaternion product and of the rotation vector, not from any
-core's equations. Longer floats, where they come in, stay as long.
+core's equations. Wider floats keep their width.
 """
 
 import numpy as np
@@ -19,13 +19,13 @@ for _i, _j, _k, _sign in ((0, 0, 0, 1), (0, 1, 1, 1), (0, 2, 2, 1), (0, 3, 3, 1)
 
 
 def _wide(x):
-    """An array of float64 or longer floats."""
+    """An array of float64 or wider floats."""
     x = np.asarray(x)
     return x.astype(np.result_type(x.dtype, float), copy=False)
 
 
 def product(p, q):
-    """Hamilton product p⊗q of arrays (..., 4): the turn q in the body's axes after p."""
+    """Hamilton product p⊗q of arrays (..., 4): first p, then q in the body's axes."""
     return np.einsum("...i,...j,ijk->...k", p, q, _TABLE, optimize=True)
 
 
@@ -74,13 +74,13 @@ def cumulative(start, increments):
 def angle_between(p, q):
     """Angle of the rotation from p to q, quaternions (..., 4) of any length, rad, in [0, pi]."""
     p, q = (_wide(x) / np.linalg.norm(x, axis=-1, keepdims=True) for x in (p, q))
-    # The chord keeps its precision where the inner product is all but one.
+    # The chord keeps its precision where the inner product is close to one.
     chord = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
     return 4 * np.arcsin(np.minimum(chord / 2, 1))
 
 
 def coning_attitude(time_s, *, half_angle, frequency):
-    """Classical coning: the body's z axis describes a cone, without a turn of the body about it.
+    """Classical coning: the body's z axis describes a cone, and the body does not rotate about it.
 
     q = (cos(β/2), sin(β/2)·cos Ωt, sin(β/2)·sin Ωt, 0) with the cone's half angle β (rad) and the
     frequency Ω (rad/s). Source: Bortz 1971; Savage, Strapdown Analytics, 7.1.1.

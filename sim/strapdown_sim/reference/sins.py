@@ -1,10 +1,10 @@
-"""Strapdown inertial navigation in float64, in the form a textbook gives it: rotation matrices.
+"""Strapdown inertial navigation in float64, in the form of textbooks: rotation matrices.
 
 Frames: body b (x right, y forward, z up); platform p, level, z up, its y axis turned from true
 north by the wander angle, anticlockwise seen from above; earth e (z the rotation axis, x through
-longitude 0). Everything may carry leading axes: many navigators run side by side.
+longitude 0). All arrays may have leading axes: many navigators run side by side.
 
-One sample stands for the mean rate and mean specific force over its interval. Integration is of
+A sample is the mean rate and mean specific force over its interval. Integration is of
 second order in the sample period: velocity in the middle of the interval is extrapolated from the
 one before, attitude takes Bortz' coning term from two successive samples, specific force is
 resolved in the mean of the attitudes at both ends. Rotations are exact (Rodrigues), curvatures
@@ -21,7 +21,7 @@ __all__ = ["Navigation", "Navigator", "coarse_alignment", "platform_from_geodeti
 
 
 class Navigation(NamedTuple):
-    """What a navigator tells; shape (...) or (..., 3).
+    """Outputs of a navigator, shape (...) or (..., 3).
 
     Angles in rad; heading clockwise from true north in [0, 2·pi), pitch positive nose up, roll
     positive right side down, wander angle anticlockwise. velocity_m_s is east, north, up.
@@ -38,7 +38,7 @@ class Navigation(NamedTuple):
 
 
 def rotation(vector):
-    """Matrix that turns vectors by a rotation vector (..., 3): Rodrigues' formula."""
+    """Matrix that rotates vectors by a rotation vector (..., 3): Rodrigues' formula."""
     vector = np.asarray(vector, float)
     angle = np.sqrt((vector * vector).sum(-1))[..., None, None]
     skew = _skew(vector)
@@ -59,7 +59,7 @@ def platform_from_geodetic(latitude, longitude, wander=0.0):
 def coarse_alignment(f_b, omega_b):
     """C_b^n (east, north, up) at rest from mean specific force and mean rate, each (..., 3).
 
-    Up is where the specific force points, east where earth rate × up does.
+    Up is the direction of the specific force, east that of earth rate × up.
     """
     up = _unit(f_b)
     east = _unit(np.cross(omega_b, up))

@@ -1,4 +1,4 @@
-"""Flights with a known truth: what ideal sensors measure, and where the vehicle really is.
+"""Flights with a known truth: ideal sensors, and the vehicle's attitude, velocity and position.
 
 Speed, track and climb angle are smooth, piecewise polynomial functions of time. Attitude, rates
 and specific force follow from them in closed form; position is their integral over the ellipsoid
@@ -67,7 +67,7 @@ class Change(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """Where the vehicle is at the end of each sample interval; each field has shape (N,) or (N, 3).
+    """The vehicle at the end of each sample interval; each field has shape (N,) or (N, 3).
 
     latitude, longitude in rad, height_m; velocity_m_s east, north, up; heading, pitch, roll in
     rad; c_b2n, shape (N, 3, 3), body to east-north-up.
@@ -93,13 +93,13 @@ class Flight:
     latitude_deg, longitude_deg, height_m, track_deg, climb_deg, speed_m_s : float
         At the start.
     changes : tuple of Change
-        What happens; starts and durations are whole multiples of the sample period.
+        Manoeuvres; starts and durations are whole multiples of the sample period.
     angle_of_attack_deg : float
-        Pitch less climb angle.
+        Pitch minus climb angle.
     earth : Earth
-        What it flies over.
+        The earth below it.
 
-    The vehicle points along its track and banks so that it turns without side force.
+    The vehicle points along its track, and banks so that turns have no side force.
     """
 
     duration_s: float
