@@ -112,6 +112,26 @@ def test_rate_of_a_file_with_time_is_refused(file):
         read_recording(write(file, header(), rows()), sample_rate_hz=100)
 
 
+def test_a_separate_reference_of_a_file_with_time_is_refused(file):
+    with pytest.raises(RecordingError, match=r"only x-IMU exports have a separate reference; leave it out$"):
+        read_recording(write(file, header(), rows()), reference="device.csv")
+
+
+@pytest.mark.parametrize(("packets", "message"), [
+    ((100, 102), "packet numbers do not overlap those of flight.csv; take both files from one export"),
+    ((1, 3, 5, 11), "line 5: 3 samples since the previous quaternion instead of 1: packets are missing; "
+                    "cut both files there"),
+])
+def test_a_reference_that_does_not_go_with_an_export_is_refused(file, tmp_path, packets, message):
+    names = [name for name in header() if not name.startswith("Time")]
+    samples = [[2 * index, *row[1:]] for index, row in enumerate(rows(10))]
+    device = tmp_path / "device.csv"
+    write(device, ["Packet number", *(f"Element {k}" for k in range(1, 5))], [[n, 1, 0, 0, 0] for n in packets])
+    with pytest.raises(RecordingError) as error:
+        read_recording(write(file, ["Packet number", *names], samples), reference=device)
+    assert str(error.value) == f"{device}: {message}"
+
+
 def test_other_suffixes_are_refused(tmp_path):
     with pytest.raises(RecordingError, match=r"suffix '\.bin' is not known; recordings are \.csv or \.npz files$"):
         read_recording(tmp_path / "flight.bin")
