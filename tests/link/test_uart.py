@@ -337,6 +337,7 @@ def test_description_has_the_ports_of_the_verilog(tmp_path):
 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--config", "flight"], "no type of frame holds the outputs of INS_flight: 1 holds latitude, longitude, height, "),
+    (["--set", "channels=8"], "a frame has no channel number: SINS_top_x8 with its 8 channels cannot be linked"),
     (["--set", "sample_rate_hz=0"], "configuration sins: sample_rate_hz must be greater than 0"),
 ])
 def test_mistakes_end_in_one_line(tmp_path, monkeypatch, arguments, message):

@@ -38,13 +38,13 @@ class UartLink(Wrapper):
         The last update was not sent, because a frame was.
 
     Latency: the engine's; the first start bit begins two cycles after the finish has risen.
-    Raises: ValueError if no frame holds the engine's outputs, or in another format; if the frame takes
-    longer than a sample period; and as ``UartTransmitter``.
+    Raises: ValueError if no frame holds the engine's outputs, or in another format; if the engine has several
+    channels; if the frame takes longer than a sample period; and as ``UartTransmitter``.
     """
 
     def __init__(self, engine, *, sample_rate_hz, clock_hz, baud_rate):
         system, format = engine.system, engine.program.format
-        self._frame_type = kind = _frame_type(system, {port.name for port in engine.ports})
+        self._frame_type = kind = _frame_type(system, engine.channels, {port.name for port in engine.ports})
         payload_size = len(kind.quantities) * format.width // 8
         if payload_size not in kind.payload_sizes:
             raise ValueError(f"a frame holds binary32 or binary64, not {format.name}")
@@ -109,8 +109,10 @@ class UartLink(Wrapper):
         return m
 
 
-def _frame_type(system, ports):
+def _frame_type(system, channels, ports):
     """The type of frame that holds the status and outputs of a system, of which these ports can be read."""
+    if channels > 1:
+        raise ValueError(f"a frame has no channel number: {system.name} with its {channels} channels cannot be linked")
     for kind in FRAME_TYPES.values():
         if {system.finish, system.status_port, *(f"out_{quantity.name}" for quantity in kind.quantities)} <= ports:
             return kind
@@ -127,6 +129,6 @@ def uart_core(config, *, clock_hz, baud_rate):
     module = main_module(config)
     system = system_of(module, config)
     # Checked here too: a schedule takes seconds.
-    _frame_type(system, {*system.output_ports, system.finish, system.status_port})
+    _frame_type(system, config.channels, {*system.output_ports, system.finish, system.status_port})
     engine = make_core(module, config).engine
     return Top(UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate))

@@ -87,6 +87,11 @@ class Wrapper(Described):
         return self._engine.program
 
     @property
+    def channels(self):
+        """Number of channels of the engine."""
+        return self._engine.channels
+
+    @property
     def ports(self):
         """The ports, in the order of the module."""
         return self._ports
