@@ -22,7 +22,7 @@ class Unit:
     Attributes
     ----------
     name, kind : str
-        Name of its instance in the Verilog, and that of the operator of which there may be several.
+        Name of its instance in the Verilog, and name of its operator, of which there may be several.
     make : callable
         Makes a fresh component, with members ``start`` and ``result``.
     operations : dict
@@ -88,9 +88,8 @@ class Pool:
     side_memory : bool
         Whether there is a second result bus, with a memory of its own for results of adders and multipliers.
 
-    Raises: TypeError and ValueError for parameters that an operator refuses, for what is no operator, for two
-    operators that offer the same operation, for operators without a selector, and for a side memory beside
-    operands in block RAM.
+    Raises: TypeError and ValueError for parameters that an operator refuses, for an object that is no operator, for two
+    operators that offer the same operation, and for operators without a selector.
     """
 
     format: FloatFormat = FLUSHED32
@@ -137,9 +136,9 @@ class Pool:
     def units(self):
         """All units of the pool, a tuple of Unit.
 
-        Additions are on nearly every path, so an adder shares its pair of read ports with none but what is
-        seldom used and quickly done; whatever is iterative shares that of a multiplier. Those beside an
-        operator of which there are several take their pairs in turn.
+        Additions are on nearly every path, so an adder shares its pair of read ports only with pipelined
+        operators that are seldom used. Iterative operators share the pair of a multiplier. If there are
+        several of these, the operators beside them take the pairs in turn.
         """
         ports: dict[str, list[int]] = {}
         pairs = 0

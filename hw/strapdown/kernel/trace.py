@@ -56,7 +56,7 @@ class Node:
 
     @property
     def arguments(self):
-        """The operands that are numbers: all but the condition."""
+        """The operands that are numbers, without the condition."""
         return self.operands[:-1] if self._takes_condition else self.operands
 
     @property
@@ -139,9 +139,9 @@ class Condition(NamedTuple):
 
 
 class Tracer(Namespace):
-    """The namespace in which a kernel leaves its operations behind, equal ones once.
+    """The namespace that records the operations of a kernel; equal operations are recorded once.
 
-    Sign changes cost nothing: they are kept with the operand that reads the value.
+    Sign changes cost nothing: they belong to the operand that reads the value.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class Tracer(Namespace):
 
     @contextmanager
     def section(self, name):
-        """Context manager: what is computed inside belongs to the stage ``name``."""
+        """Context manager: operations inside belong to the stage ``name``."""
         if name not in self._sections:
             raise ValueError(f"section must be one of {', '.join(self._sections)}, not {name!r}")
         outer, self._section = self._section, name
@@ -204,9 +204,9 @@ class Tracer(Namespace):
     # The graph.
 
     def settled(self, symbol, word=None):
-        """A computed node with the value of ``symbol``: a copy where it is merely read or has its sign turned.
+        """A computed node with the value of ``symbol``: a copy if the value is an input, a state word or negated.
 
-        For a state ``word`` the node is that word's own, since it is written to one place.
+        A state ``word`` has a node of its own, because a node is written to one address.
         """
         operand = symbol.operand
         shared = word is not None and self._words.setdefault(operand.node, word) != word
@@ -215,7 +215,7 @@ class Tracer(Namespace):
         return operand.node
 
     def graph(self, **interface):
-        """The graph of all that ``outputs``, ``next_state`` and ``status`` need."""
+        """The graph of the nodes that ``outputs``, ``next_state`` and ``status`` need."""
         wanted = [*interface["outputs"].values(), *interface.get("next_state", {}).values(),
                   *(operand.node for operand in interface.get("status", {}).values())]
         needed = set()

@@ -1,4 +1,4 @@
-"""Scalars of a kernel: Python's operators, handed on to the namespace that gives them meaning."""
+"""Scalars of a kernel: Python's operators call the namespace, which gives them their meaning."""
 
 from abc import ABC, abstractmethod
 from contextlib import nullcontext
@@ -37,7 +37,7 @@ class Namespace(ABC):
 
     @abstractmethod
     def apply(self, operation, *operands):
-        """What the pool's unit for ``operation`` makes of values."""
+        """Result of the pool's unit for ``operation``, a name; the operands are values."""
 
     @abstractmethod
     def is_negative(self, a):
@@ -76,18 +76,18 @@ class Namespace(ABC):
         return self.call(OPERATIONS["add"], a, b)
 
     def subtract(self, a, b):
-        """a - b: the sum with b's sign turned."""
+        """a - b: the sum of a and -b."""
         return self.add(a, self.negate(b))
 
     def section(self, name):
-        """Context manager: what is computed inside belongs to the stage ``name``."""
+        """Context manager: operations inside belong to the stage ``name``."""
         return nullcontext()
 
 
 class Value:
-    """A scalar with Python's arithmetic; each operation is its namespace's."""
+    """A scalar with Python's arithmetic; its namespace performs each operation."""
 
-    # NumPy scalars and arrays must not broadcast over a Value, but hand the operation to it.
+    # NumPy scalars and arrays must not broadcast over a Value, but leave the operation to it.
     __array_ufunc__ = None
 
     def __init__(self, namespace):
