@@ -12,15 +12,15 @@ COEFFICIENTS = (-0.3333315274, 0.1999377284, -0.1421105535, 0.1066600481, -0.075
                 -0.0163679307, 0.002920692916)
 
 SHORTEST = 2.0**-126
-"""Added to the longer side: keeps 0/0 away, and is lost in any side from 2**-101 on."""
+"""Added to the longer side: it prevents 0/0 and does not change a side of 2**-101 or more."""
 
 
 def atan2(xp, y, x):
     """Angle of the point (x, y) in radians, from -π to π, to binary32.
 
-    The octant's angle is atan of the shorter side over the longer one, a polynomial; the
-    octant then turns it. The polynomial's relative error is below 1.7e-8, 0.3 units in the last
-    place of binary32; rounding adds to it. Of (±0, ±0) the angle is that of the axis.
+    A polynomial gives the arctangent of the shorter side over the longer one, which is then moved to the
+    octant of the point. The polynomial's relative error is below 1.7e-8, 0.3 ulp of binary32; rounding
+    adds to it. The angle of (±0, ±0) is that of the axis.
     """
     x_size, y_size = size(xp, x), size(xp, y)
     steep = x_size < y_size

@@ -17,7 +17,7 @@ DEGREES = 180 / math.pi
 
 
 class Update(NamedTuple):
-    """What one update gives: values by name, the same names as the system's interface."""
+    """Results of one update by name; the names are those of the system's interface."""
 
     outputs: dict
     state: dict | None = None
@@ -27,8 +27,8 @@ class Update(NamedTuple):
 def accelerometer_error(xp, a, v, gain=1):
     """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26 and 2.30.
 
-    Returns (gain·e_a, whether ``a`` has no length). The product comes before the division, so that
-    square root and division run beside it; as its dividend the gain costs nothing.
+    Returns (gain·e_a, whether ``a`` has no length). The vector product does not wait for the root and the
+    division, which run at the same time. The gain is the dividend and needs no operation of its own.
     """
     square, missing = length_squared(a)
     return scale(gain / xp.sqrt(square), cross(a, v)), missing
@@ -37,10 +37,10 @@ def accelerometer_error(xp, a, v, gain=1):
 def magnetometer_error(xp, m, c, axes, gain=1):
     """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27 to 2.30.
 
-    ``m`` is in sensor axes, ``axes`` lays them along the body's. w is proportional to |m|, so
-    e_m is the error of the field as measured, divided once by |m|²: no root for that, and
-    m × w = bx·(m × c1) + hz·(m × c3), by the columns of C, so that all but the first factor is
-    ready when the root is. Returns (gain·e_m, whether ``m`` has no length).
+    ``m`` is in sensor axes; ``axes`` maps them to body axes. w is proportional to |m|, so e_m is computed
+    from the field as measured and divided once by |m|², without a root. By the columns of C,
+    m × w = bx·(m × c1) + hz·(m × c3): everything but bx is ready before its root is.
+    Returns (gain·e_m, whether ``m`` has no length).
     """
     m = permute(axes, m)
     square, missing = length_squared(m)
@@ -52,17 +52,17 @@ def magnetometer_error(xp, m, c, axes, gain=1):
 def rate_correction(g, e_a, e_m, i, unit, integral_share):
     """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.31.
 
-    ``omega`` and ``i`` come out in the unit of which a degree per second is ``unit``. In that unit
-    ``e_a`` and ``e_m`` are given, times the gain Kp + Ki·T; ``integral_share`` is what Ki·T is of that.
-    Returns (omega, i). omega takes the old i and the whole gain, which is the same and does not wait
-    for the new one; e_a, which waits for a root and a division, comes last of all.
+    One degree per second is ``unit`` of the unit of ``omega`` and ``i``. ``e_a`` and ``e_m`` are in the same
+    unit and contain the gain Kp + Ki·T, of which Ki·T is the fraction ``integral_share``. Returns (omega, i).
+    omega is computed from the previous i and the whole gain: the same value, but it does not wait for the
+    next i. e_a waits for a root and a division and is therefore added last.
     """
     omega = add(add(add(scale(unit, g), i), e_m), e_a)
     return omega, add(i, scale(integral_share, add(e_a, e_m)))
 
 
 def correction_gains(kp, ki, period):
-    """The gain Kp + Ki·T of ``rate_correction``, and the share of Ki·T in it: zero if both are."""
+    """The gain Kp + Ki·T of ``rate_correction``, and the fraction Ki·T of it, zero if the gain is zero."""
     gain = kp + ki * period
     return gain, ki * period / gain if gain else 0.0
 
@@ -109,8 +109,8 @@ def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
     """Pitch, roll and yaw (Z-Y-X) in degrees from elements of C_n^b: INS_euler, table 5-6.
 
     pitch = atan2(-c13, cosine) with cosine = sqrt(1 - c13²) = sqrt(c23² + c33²), roll =
-    atan2(c23, c33), yaw = atan2(c12, c11) in [0, 360). All arguments may have a common positive
-    factor. A yaw less than 2**-15 degrees below zero is zero: plus 360 it would round to 360.
+    atan2(c23, c33), yaw = atan2(c12, c11) in [0, 360). All arguments may contain a common positive
+    factor. A yaw less than 2**-15 degrees below zero becomes zero, because yaw + 360 would round to 360.
     """
     pitch = DEGREES * xp.atan2(-c13, cosine)
     yaw = DEGREES * xp.atan2(c12, c11)
@@ -120,10 +120,10 @@ def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
 
 
 def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
-    """One update of INS_top, its stages in the order of the thesis's state machine.
+    """One update of INS_top; the stages are in the order of the thesis's state machine.
 
-    The new quaternion is normalised beside the way to the angles and not on it: these want only
-    the directions of |q|²·C. Angular rates, ``i`` among them, are times T/2: half the turn of a period.
+    The angles do not wait for the normalisation of the next quaternion: they need only the directions in |q|²·C.
+    All angular rates, also ``i``, are multiplied by T/2: they are half the turn of one period.
     """
     gain, integral_share = correction_gains(kp, ki, period)
     gain *= period / 2

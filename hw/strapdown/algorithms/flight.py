@@ -1,15 +1,15 @@
-"""An attitude filter to fly with: 9-axis, or 6-axis without magnetometer.
+"""An attitude filter for flight: 9-axis, or 6-axis without magnetometer.
 
-Frames: b body, n navigation, whose axes a ``Frame`` names; z is vertical in all of them. ``c`` is
+Frames: b body, n navigation, with the axes of a ``Frame``; z is always vertical. ``c`` is
 C_n^b (navigation to body) as rows, ``q`` the body-to-navigation quaternion, scalar first. ``a``
 and ``m`` may have any unit, ``g`` and ``bias`` are in deg/s, angles come out in degrees.
 
-A correction is a vector along its axis of the length tan(angle/2): q⊗(1, p) turns by just that
-angle, and for small angles p is half of it in radians.
+A correction is a vector p along its axis with the length tan(angle/2): q⊗(1, p) turns by exactly
+that angle. For small angles p is half the angle in radians.
 
-Order of an update: the gyro turns the quaternion, together with what the update before found to
-correct; then specific force and field are turned into n by the new attitude. What they show to be
-wrong is corrected by the next update, so that angles come out beside it and not behind it.
+Order of an update: the gyro and the correction from the previous update turn the quaternion. The next
+attitude then resolves specific force and field in n. Their errors give a correction for the next
+update, so the angles of this update do not wait for it.
 """
 
 import math
@@ -25,16 +25,16 @@ __all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "Sen
 DEGREES = 180 / math.pi
 
 ALIGNMENTS = 4
-"""First samples that are believed at once. More than one, because a correction turns by 127° at most."""
+"""The first samples have full weight. There is more than one, because a correction turns by 127° at most."""
 
 LONGEST_PERIOD = 0.1
-"""Longest period in seconds; a longer one counts as this. Gain times period stays near 1 or below."""
+"""Longest period in seconds; a longer one is limited to this. It keeps gain times period near 1 or below."""
 
 UPSIDE_DOWN = 2.0**-17
-"""So near (rad) to upside down the axis to turn back about is made up: nothing shows one."""
+"""Within this angle (rad) of upside down, an arbitrary horizontal axis is used: none is measured."""
 
 FIELD_SETTLING = 2.0
-"""Rate (1/s) at which the reference of the field follows when the start-up ramp begins."""
+"""Rate (1/s) at which the field's reference follows the field at the beginning of the start-up ramp."""
 
 
 class Frame(NamedTuple):
@@ -44,11 +44,11 @@ class Frame(NamedTuple):
     north: int
 
     def upward(self, vector):
-        """The part of a vector in n that points up."""
+        """Upward component of a vector in n."""
         return vector[2] if self.up > 0 else -vector[2]
 
     def horizontal(self, vector):
-        """The parts north, and a right-handed quarter turn about z from there."""
+        """Component to the north, and the one a right-handed quarter turn about z from it."""
         return (vector[0], vector[1]) if self.north == 0 else (vector[1], -vector[0])
 
 
@@ -56,7 +56,7 @@ FRAMES = {"NWU": Frame(up=1, north=0), "ENU": Frame(up=1, north=1), "NED": Frame
 
 
 class Parameters(NamedTuple):
-    """Gains, times and limits: numbers, or values that are known at run time only."""
+    """Gains, times and limits: constants, or values that are known only at run time."""
 
     accelerometer_gain: Any
     """rad/s per radian of tilt"""
@@ -67,9 +67,9 @@ class Parameters(NamedTuple):
     rest_rate: Any
     """deg/s, from the gyro's average"""
     rest_acceleration: Any
-    """part of gravity, from the low-passed specific force"""
+    """fraction of gravity, from the low-passed specific force"""
     rest_time: Any
-    """s without motion that count as rest"""
+    """s without motion until the body is at rest"""
     rest_average_time: Any
     """s, time constant of the gyro's average, and of the bias at rest"""
     bias_limit: Any
@@ -77,17 +77,17 @@ class Parameters(NamedTuple):
     bias_gain: Any
     """rad/s² per radian of tilt, before the first rest"""
     bias_gain_after_rest: Any
-    """the same after it"""
+    """the same after the first rest"""
     field_tolerance: Any
-    """part of the field's strength by which it may differ from the reference"""
+    """fraction of the field's strength by which it may differ from the reference"""
     field_time: Any
     """s, time constant of the reference while the field agrees"""
     field_recovery_time: Any
-    """s, the same while it does not"""
+    """s, the same while the field does not agree"""
     ramp_gain: Any
     """rad/s per radian, added to both gains at the start"""
     ramp_time: Any
-    """s, in which that falls to zero"""
+    """s, in which the ramp falls to zero"""
     gyro_range: Any
     """deg/s, longest rate vector that was measured in full"""
     accelerometer_range: Any
@@ -110,10 +110,10 @@ def squared(x):
 
 
 def response(xp, period, time):
-    """1 - exp(-period/time), what a one-pole low-pass takes of a new sample.
+    """1 - exp(-period/time): the weight of a new sample in a one-pole low-pass.
 
-    Of plain numbers exactly; at run time x - x²/2 for x = period/time, held at 1/2: too small by
-    less than x²/6 of it, and stable for any period.
+    Exact for constants. At run time it is x - x²/2 with x = min(period/time, 1): too small by less than
+    a fraction x²/6, and stable for any period.
     """
     if is_constant(period, time):
         return -math.expm1(-period / time)
@@ -121,24 +121,24 @@ def response(xp, period, time):
 
 
 def saturating(x):
-    """1 - exp(-x) for x in [0, 1], but for less than x²/6 of it: x - x²/2."""
+    """x - x²/2 for x in [0, 1]: 1 - exp(-x) with a relative error below x²/6."""
     return x - 0.5 * (x * x)
 
 
 def limited(xp, period):
-    """A period known at run time held in [0, LONGEST_PERIOD]. Returns (it, a margin: negative if it was not)."""
+    """A run-time period limited to [0, LONGEST_PERIOD]: (period, margin, which is negative if it was outside)."""
     margin = xp.minimum(period, LONGEST_PERIOD - period)
     return xp.minimum(xp.maximum(period, 0.0), LONGEST_PERIOD), margin
 
 
 def share(xp, period, clock):
-    """period/(clock + period), the weight of a new sample in the mean of all since the clock was zero; before: 1."""
+    """period/(clock + period): a new sample's weight in the mean since the clock was zero, and 1 before that."""
     elapsed = xp.maximum(clock, 0.0) + period
     return period / (elapsed if is_constant(period) else xp.maximum(elapsed, SHORTEST_SQUARE))
 
 
 def low_pass(low, value, weight):
-    """Two one-pole low-passes in a row. Returns (both, the value minus the first)."""
+    """Two one-pole low-passes in series: ((first, second), value minus the previous first)."""
     first, second = low
     innovation = subtract(value, first)
     first = add(first, scale(weight, innovation))
@@ -146,7 +146,7 @@ def low_pass(low, value, weight):
 
 
 def held(xp, gain, *parameters):
-    """A gain in [0, 1]: as it is if its parameters are constants."""
+    """A gain limited to [0, 1]; unchanged if its parameters are constants."""
     if is_constant(*parameters):
         return gain
     return xp.minimum(xp.maximum(gain, 0.0), 1.0)
@@ -155,8 +155,8 @@ def held(xp, gain, *parameters):
 def turned(xp, q, omega, square, beyond, pending, period):
     """q⊗(1, x), not normalised, for x = tan(T·|omega|/2) along omega, plus the pending correction.
 
-    ``omega`` is in deg/s and ``square`` its squared length. tan(y) = y + y³/3 leaves 2/15·y⁵, or
-    0.00008° of a turn by 10°. ``beyond`` the gyro's range it is y: no rate may take |q|² near overflow,
+    ``omega`` is in deg/s and ``square`` is its squared length. tan(y) = y + y³/3 leaves out 2/15·y⁵, which is
+    0.00008° in a turn by 10°. ``beyond`` the gyro's range tan(y) = y, so that no rate takes |q|² near overflow,
     where its reciprocal is zero.
     """
     half = period * (0.5 / DEGREES)
@@ -181,7 +181,7 @@ def matrix_of_turn(q, reciprocal):
 def tilt_correction(xp, low, frame):
     """tan(angle/2) from the low-passed specific force to the vertical, about the horizontal axis between them.
 
-    With L = |low| and its upward part u that is (low × up)/(L + u). Beyond 120° the divisor stays at
+    With L = |low| and its upward component u it is (low × up)/(L + u). Beyond 120° the divisor stays at
     L/2, which keeps the length below √3. Returns ((x, y) in n, L, L²).
     """
     square = xp.maximum(dot(low, low), SHORTEST_SQUARE)
@@ -194,11 +194,10 @@ def tilt_correction(xp, low, frame):
 
 
 def field_correction(xp, h, reference, frame, parameters):
-    """tan(angle/2) from the field's horizontal part to north, about z, and how far the field is to be believed.
+    """tan(angle/2) from the field's horizontal component to north, about z, and the weight of the field.
 
-    Beyond ±90° the tangent stays at ±1. The field belongs to the vertical plane with the components
-    (horizontal, upward); ``reference`` is where it uses to be. Its weight falls from 1, where it is there,
-    to 0, where it is off by the tolerance: 1 - (distance/(tolerance·|reference|))².
+    Beyond ±90° the tangent stays at ±1. ``reference`` holds the field's usual (horizontal, upward) components.
+    The weight is 1 - (distance/(tolerance·|reference|))²: it falls from 1 at the reference to 0 at the tolerance.
 
     Returns (tangent, weight, distance as two components, margin of the tolerance, whether there is no field).
     """
@@ -216,10 +215,10 @@ def field_correction(xp, h, reference, frame, parameters):
 
 
 def bias_update(xp, bias, mean, at_rest, smoothing, tilt_b, gain, limit):
-    """The gyro's bias: at rest towards its average, in motion against the tilt that it causes.
+    """The gyro's bias: it follows the average at rest, and in motion it is corrected by the tilt that it causes.
 
-    ``gain`` is per tangent of the tilt's half. A bias beyond the limit is not learnt; one that is
-    beyond it already, because the limit is an input, goes down.
+    ``gain`` is per tangent of half the tilt. A bias beyond the limit is not learnt. A bias that is
+    beyond it already, because the limit is an input, decays.
     """
     weight = xp.select(at_rest, smoothing, 0.0)
     candidate = subtract(add(bias, scale(weight, subtract(mean, bias))), scale(gain, tilt_b))

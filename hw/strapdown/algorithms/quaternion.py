@@ -27,7 +27,7 @@ def transition_coefficients(xp, omega, a0, d0, period):
 def transition(xp, a, d, omega, e):
     """e := Φ·e = a·e + d·(e⊗(0, omega)) (step d).
 
-    With d taken out, the twelve products of e and omega run beside the polynomials, and only
+    d is factored out: the twelve products of e and omega do not wait for the polynomials, and only
     eight multiplications wait for a and d.
     """
     return add(scale(a, e), scale(d, rate_product(e, omega)))
@@ -46,14 +46,14 @@ def coning_correction(xp, first, second, period):
     """Rate that turns by the rotation vector Δθ₁ + Δθ₂ + 2/3·Δθ₁×Δθ₂ when held over T.
 
     ``first`` and ``second`` are the mean rates over the halves of the period, Δθ = T/2·rate.
-    The product stands for what two turns about different axes leave behind (Miller, 1983).
+    The vector product is the part that two turns about different axes leave over (Miller, 1983).
     """
     mean = scale(0.5, add(first, second))
     return add(mean, scale(period / 6, cross(first, second)))
 
 
 def renormalisation(xp, e):
-    """Factor 3/2 − |e|²/2 that brings a norm near 1 back to 1: one Newton step, no root."""
+    """Factor 3/2 − |e|²/2 that corrects a norm near 1: one Newton step, no root."""
     return 1.5 - 0.5 * dot(e, e)
 
 
@@ -68,10 +68,10 @@ def quaternion_step(xp, e, omega, *, a0, d0, period, factor=None):
 def quaternion_update(xp, e, omega, load, start, *, a0, d0, period, renormalise, count=None, second=None):
     """One update of QUAT_direct.
 
-    ``load`` above 1/2 takes ``start`` in place of the propagated quaternion. ``renormalise`` is
-    the number of updates from one renormalisation to the next, 0 for none; from 2 on ``count``
-    holds the updates since the last. With ``second``, ``omega`` is the mean rate of the first
-    half of the period and ``second`` that of the other.
+    A ``load`` above 1/2 replaces the propagated quaternion by ``start``. ``renormalise`` is the number of
+    updates from one renormalisation to the next, 0 for none. If it is 2 or more, ``count`` holds the
+    number of updates since the last one. With ``second``, ``omega`` is the mean rate of the first
+    half of the period and ``second`` that of the second half.
     """
     state, factor = {}, None
     with xp.section("PROPAGATE"):

@@ -5,8 +5,8 @@ Frames: b body (x right, y forward, z up), p platform (level, z up), e earth. ``
 in rad/s, specific force in m/s², means over the sample period; ``v`` is the velocity in p, m/s,
 ``h`` the height above the ellipsoid, m. Angles come out in degrees.
 
-Every integral is of second order in the period: what is needed in the middle of the interval is
-extrapolated from the interval before (``half``: half of its change of velocity).
+Every integral is of second order in the period. Values in the middle of the interval are extrapolated
+from the previous interval (``half`` is half of its change of velocity).
 """
 
 from typing import Any, NamedTuple
@@ -49,11 +49,11 @@ def earth_and_transport_rate(xp, c, v, h, earth):
     """ω_ie^p = Ω·(C13, C23, C33), and ω_ep^p from the curvature of the ellipsoid: eq. 6 and 7.
 
     K·v = k·v + δ·n·(n·v) for n = (C13, C23): k = 1/(R_N + h) is the curvature eastwards, and
-    δ = (1/(R_M + h) − k)/cos²L = e'²·k for h = 0. Then ω_ep^p = (−(K·v)_y, (K·v)_x, 0). In the source
-    (garbled there) K = (1 − e·C33² + 2e·n·nᵀ)/Re: this, to first order in e. Here the terms in e²
-    and h are kept; what is left out is 3e-8 of k for the ellipsoid and (h/Re)³.
+    δ = (1/(R_M + h) − k)/cos²L = e'²·k for h = 0. Then ω_ep^p = (−(K·v)_y, (K·v)_x, 0). The source has
+    K = (1 − e·C33² + 2e·n·nᵀ)/Re (garbled), which is this to first order in e. Here the terms in e²
+    and h are kept; the terms left out are 3e-8 of k for the ellipsoid and (h/Re)³.
 
-    Returns (spin, transport), transport without its z component, which is zero.
+    Returns (spin, transport); the z component of transport is zero and left out.
     """
     e2 = earth.eccentricity_squared
     n, sine_squared = (c[0][2], c[1][2]), c[2][2] * c[2][2]
@@ -69,7 +69,7 @@ def earth_and_transport_rate(xp, c, v, h, earth):
 def attitude_quaternion(xp, q, omega, before, turn, step, a0, d0):
     """q := (1, −T/2·ω_ip^p)⊗q⊗(a, d·ω), not normalised: eq. 1 and 3, both turns in their own frames.
 
-    To ω = ω_ib^b comes Bortz' coning term T/12·(before × ω), ``before`` being the sample before;
+    Bortz' coning term T/12·(before × ω) is added to ω = ω_ib^b; ``before`` is the previous sample.
     a and d are the polynomials of source 001. ``turn`` is ω_ip^p. Returns (q, |ω|²).
     """
     omega = add(omega, scale(step * (1 / 12), cross(before, omega)))
@@ -95,8 +95,8 @@ def matrix_of_quaternion(xp, q):
 def velocity_half_change(xp, old, new, f, spin, turn, middle, down, step):
     """Half of V's change, T/2·(f^p − (2ω_ie^p + ω_ep^p) × V − (0, 0, down)): eq. 11.
 
-    f^p is f resolved in the mean of T at both ends; ``middle`` is V in the middle, ``turn`` is
-    ω_ie^p + ω_ep^p, ``down`` gravity and whatever else pulls.
+    f^p is f resolved in the mean of T at both ends of the interval. ``middle`` is V in its middle, ``turn`` is
+    ω_ie^p + ω_ep^p, and ``down`` is gravity plus the vertical loop's acceleration.
     """
     force = matrix_vector([add(*rows) for rows in zip(old, new, strict=True)], scale(0.25 * step, f))
     x, y, z = cross(add(spin, turn), middle)
@@ -108,7 +108,7 @@ def vertical_loop(xp, error, bias, step, damping, earth):
     """Third-order loop on error = h − altitude, three equal time constants of ``damping`` seconds.
 
     ḣ = V_z − 3λ·error, V̇_z = … − (3λ² + 2g/Re)·error − bias, bias' = λ³·error, λ = 1/damping.
-    Returns (correction of ḣ, extra pull downwards, bias).
+    Returns (correction of ḣ, additional downward acceleration, bias).
     """
     rate = 1 / damping
     spring = 3 * rate**2 + 2 * earth.gravity / earth.radius
@@ -142,8 +142,8 @@ def start_position(xp, latitude, longitude):
 def alignment_quaternion(xp, f, omega):
     """Quaternion body to (east, north, up) at rest, any length, from sums of specific force and rate.
 
-    Up is along f, east along ω × up. Of the four columns of 4·q·qᵀ the one with the largest
-    diagonal is taken (Shepperd, 1978), which is never short.
+    Up is along f, east along ω × up. The quaternion is the column of 4·q·qᵀ with the largest diagonal
+    element (Shepperd, 1978), which is never short.
     """
     square, _ = length_squared(f)
     up = scale(xp.rsqrt(square), f)
@@ -168,7 +168,7 @@ def north_east_velocity(xp, n, v, cosine):
 
 
 SMALLEST_COSINE = 2.0**-30
-"""Less than a centimetre from the pole there is no east."""
+"""Within a centimetre of the pole east is undefined."""
 
 
 def navigation_angles(xp, t, n, c):
@@ -184,7 +184,7 @@ def navigation_angles(xp, t, n, c):
     pitch = xp.atan2(t[2][1], xp.sqrt(t[2][0] * t[2][0] + t[2][2] * t[2][2]))
     roll = xp.atan2(-t[2][0], t[2][2])
     heading = DEGREES * xp.atan2(forward[0] * n[1] - forward[1] * n[0], dot(forward, n))
-    # As of the attitude cores' yaw: what plus 360 would round to 360 is zero.
+    # As the yaw of the attitude cores: it is zero where adding 360 would round to 360.
     heading = xp.select(heading + 2.0**-15 < 0.0, heading + 360, xp.maximum(heading, 0.0))
     latitude, longitude = xp.atan2(c[2][2], cosine), xp.atan2(c[2][1], c[2][0])
     wander = xp.atan2(n[0], n[1])
@@ -343,7 +343,7 @@ def sins_update(xp, sample, start, state, settings):
             xp, state.q, sample.omega, state.before, turn, step, settings.a0, settings.d0)
         q = chosen(xp, does.finishes < 0.0, aligned, moved)
         q = chosen(xp, loads, start.q, q)
-        # Before an alignment the start quaternion may be zero, and then stays so.
+        # Before an alignment the start quaternion may be zero; it then stays zero.
         q = scale(xp.rsqrt(dot(q, q) + SHORTEST_SQUARE), q)
         t = matrix_of_quaternion(xp, q)
     with xp.section("VELOCITY"):
@@ -360,7 +360,7 @@ def sins_update(xp, sample, start, state, settings):
         moved_c = position_matrix(xp, c, transport, step)
         c = tuple(chosen(xp, loads, *rows) for rows in zip(start_position(xp, *does.place), moved_c, strict=True))
     with xp.section("OUTPUT"):
-        # The start position is shown as it came, with the platform's north along y: nothing waits for its sines.
+        # A load shows the start angles themselves, and north along the platform's y: no output waits for a sine.
         n = chosen(xp, loads, (0.0, 1.0), (moved_c[0][2], moved_c[1][2]))
         attitude, position, cosine = navigation_angles(xp, t, n, moved_c)
         east, north = north_east_velocity(xp, n, v, xp.select(loads, 1.0, cosine))

@@ -1,16 +1,16 @@
 """Vectors, matrices and quaternions as nested tuples of scalars of any numeric namespace.
 
-The order of operations is part of each function: sums are written out, so that every meaning
-of the numbers rounds in the same places. Sums are balanced, because depth is time in hardware.
+The order of operations is part of each function: sums are written out, so that every namespace
+rounds in the same places. Sums are balanced, because depth is time in hardware.
 """
 
 __all__ = ["SHORTEST_SQUARE", "add", "scale", "dot", "cross", "length_squared", "column", "matrix_vector",
            "transposed_vector", "permute", "polynomial"]
 
 SHORTEST_SQUARE = 2.0**-100
-"""Added to a squared length before it divides: a vector shorter than 2**-50 (of whatever unit) has
-no direction. This keeps every quotient finite, takes a vector of length zero to a correction of
-zero, and is less than half a unit in the last place of any square from 2**-75 on."""
+"""Added to a squared length before a division by it: a vector shorter than 2**-50 (of any unit) has
+no direction. The sum keeps every quotient finite, gives a correction of zero for a vector of length
+zero, and does not change a square of 2**-75 or more, of which it is less than half an ulp."""
 
 
 def add(a, b):
@@ -38,7 +38,7 @@ def cross(a, b):
 
 
 def length_squared(a):
-    """Squared length of three components plus ``SHORTEST_SQUARE``, and whether it is less: (square, is_missing)."""
+    """(Squared length of three components plus ``SHORTEST_SQUARE``, whether the squared length is less than that)."""
     x, y, z = a
     square = (x * x + y * y) + (z * z + SHORTEST_SQUARE)
     return square, square < 2 * SHORTEST_SQUARE
@@ -68,7 +68,7 @@ def permute(axes, a):
 
 
 def polynomial(coefficients, u):
-    """Σ coefficients_i·uⁱ, halves side by side (Estrin): the depth grows with the logarithm of the order."""
+    """Σ coefficients_i·uⁱ by Estrin's scheme: the depth grows with the logarithm of the order."""
     terms = list(coefficients)
     while len(terms) > 1:
         pairs = [terms[i:i + 2] for i in range(0, len(terms), 2)]
