@@ -1,7 +1,19 @@
+from typing import ClassVar
+
+import numpy as np
 import pytest
 
+from strapdown.fp import FpMinMax
 from strapdown.kernel.numeric import Float64, Twin
-from strapdown.kernel.operators import Comparator, Extremes, ReciprocalRoot
+from strapdown.kernel.operators import (
+    FUNCTIONS,
+    OPERATIONS,
+    Comparator,
+    Extremes,
+    Operation,
+    Operator,
+    ReciprocalRoot,
+)
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.trace import Tracer
 
@@ -52,6 +64,33 @@ def test_an_unknown_operation_is_refused(make):
 def test_an_operation_without_an_operator_is_refused(make):
     with pytest.raises(ValueError, match=r"^the pool has no operator for sin: add one to its operators$"):
         make().sincos(1.0)
+
+
+@pytest.fixture
+def own_operator(monkeypatch):
+    """An operator of one's own, in no file of this package: known from where its class is defined."""
+    for known in OPERATIONS, FUNCTIONS:
+        for name in ("smaller", "span"):
+            monkeypatch.setitem(known, name, None)
+            del known[name]
+
+    class Smaller(Operator):
+        name = "smaller"
+        component = FpMinMax
+        operations = (Operation("smaller", twin=lambda component, a, b: component.compute(a, b, False),
+                                float64=np.minimum),)
+        functions: ClassVar = {"span": lambda xp, a, b: xp.maximum(a, b) - xp.smaller(a, b)}
+
+    return Smaller
+
+
+def test_an_operator_of_ones_own_is_known_to_kernels(own_operator):
+    pool = Pool().with_operators(own_operator())
+    twin, tracer = Twin(pool), Tracer(pool, ("ONLY",))
+    assert Float64().span(3.0, -5.0) == twin.span(twin.lift(3.0), -5.0).array == 8
+    node = tracer.settled(tracer.span(tracer.source("input", "x"), 0.5))
+    assert [operand.node.operation for operand in node.operands] == ["select", "smaller"]
+    assert [unit.name for unit in pool.operations["smaller"]] == ["smaller"]
 
 
 def test_an_operation_of_the_pool_takes_the_place_of_its_fallback():
