@@ -5,8 +5,15 @@ docs/report.md and docs/flight.md come from docs/report, where `make report` and
 """
 
 import json
+import re
 import shutil
+from contextlib import chdir
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from click.testing import CliRunner
+
+from strapdown.cli import main as main_command
 from strapdown.cores import ATTITUDE_CORES, CONFIGS, THESIS, main_module, make_core
 
 from .checkout import ROOT, write_blocks
@@ -52,6 +59,24 @@ def demo_block(summary):
           f"{difference['rms']:.6f}°", summary["bits_differing_from_twin"]]])
 
 
+def own_kernel(page):
+    """The file of the example in docs/kernels.md: its first two blocks of Python."""
+    section = page[page.index("\n## A kernel of your own\n"):]
+    return "\n\n".join(re.findall(r"```python\n(.*?)```", section, re.DOTALL)[:2])
+
+
+def compass_block():
+    """What the commands print for the example in docs/kernels.md."""
+    lines = ["```text"]
+    with TemporaryDirectory() as folder, chdir(folder):
+        Path("my_core.py").write_text(own_kernel((ROOT / "docs" / "kernels.md").read_text(encoding="utf-8")),
+                                      encoding="utf-8")
+        for command in ("generate my_core.py:COMPASS", "explain my_core.py:COMPASS --line my_core.py:tilt"):
+            result = CliRunner().invoke(main_command, command.split(), catch_exceptions=False)
+            lines += [f"$ strapdown {command}", *result.output.splitlines()]
+    return "\n".join([*lines, "```"])
+
+
 def report_blocks():
     """Tables of docs/report.md, by the name of their block."""
     cores, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text())
@@ -83,6 +108,7 @@ def main():
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
     write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
                                       "configurations": configurations_block()})
+    write_blocks(ROOT / "docs" / "kernels.md", {"compass": compass_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)

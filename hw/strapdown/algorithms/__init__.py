@@ -5,3 +5,7 @@ The first argument of a kernel is a numeric namespace ``xp``. It offers ``xp.sel
 The namespace decides what the equation means: float64 arrays (the truth), the bit-exact twin of the circuit,
 or a trace from which the circuit is made. Kernels import nothing but each other and the vector helpers.
 """
+
+from .attitude import Update
+
+__all__ = ["Update"]

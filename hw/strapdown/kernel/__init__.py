@@ -4,7 +4,7 @@ What the author of a kernel needs stands here: ``System`` and ``Update``, names 
 ``matrix``, and ``Pool`` with its operators.
 """
 
-from strapdown.algorithms.attitude import Update
+from strapdown.algorithms import Update
 
 from .operators import *
 from .pool import *
