@@ -133,6 +133,7 @@ def test_a_reference_that_does_not_go_with_an_export_is_refused(file, tmp_path, 
 
 
 def test_other_suffixes_are_refused(tmp_path):
+    (tmp_path / "flight.bin").touch()
     with pytest.raises(RecordingError, match=r"suffix '\.bin' is not known; recordings are \.csv or \.npz files$"):
         read_recording(tmp_path / "flight.bin")
 
