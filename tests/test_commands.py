@@ -20,6 +20,7 @@ from click.testing import CliRunner
 from strapdown.cli import main
 from strapdown.link import NAVIGATION, FrameSender
 from strapdown_lab.checkout import ROOT
+from strapdown_lab.docs import own_kernel
 from strapdown_lab.proof import mutation
 from strapdown_lab.proof.__main__ import main as proof
 from strapdown_lab.proof.solver import Outcome
@@ -61,11 +62,8 @@ def frames():
 
 
 def own_file():
-    """The example of docs/kernels.md, if it is there, else a configuration of the catalogue under its name."""
-    blocks = re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "kernels.md").read_text(encoding="utf-8"),
-                        re.MULTILINE | re.DOTALL)
-    example = [block for block in blocks if re.search(r"^COMPASS = ", block, re.MULTILINE)]
-    return example[0] if example else "from strapdown.cores import QUATERNION_J2\n\nCOMPASS = QUATERNION_J2\n"
+    """The example of docs/kernels.md."""
+    return own_kernel((ROOT / "docs" / "kernels.md").read_text(encoding="utf-8"))
 
 
 class TwinModel:
