@@ -20,7 +20,8 @@ from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 @pytest.fixture(scope="module")
 def example(root, tmp_path_factory):
     """What the example of docs/cores.md defines, and the folder in which it ran."""
-    source, = re.findall(r"^```python\n(.*?)^```", (root / "docs" / "cores.md").read_text(), re.MULTILINE | re.DOTALL)
+    section = (root / "docs" / "cores.md").read_text(encoding="utf-8").split("## From an engine to a module")[1]
+    source, = re.findall(r"^```python\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
     folder, names = tmp_path_factory.mktemp("example"), {"__name__": "status_word"}
     with contextlib.chdir(folder):
         exec(source, names)
