@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections import deque
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,77 +43,8 @@ PORTS = {
     "atan": {"nd": ("input", 1), **CONTROL, "x_in": ("input", 16), "y_in": ("input", 16), "phase_out": ("output", 16)},
 }
 
-USER_RTL = """
-module user(clk, sclr, ce, nd, a, b, fixed, x, y,
-            add_rdy, sub_rdy, mult_rdy, div_rdy, sqrt_rdy,
-            equl_rdy, less_rdy, fl32tofi16_rdy, fi16tofl32_rdy, atan_rdy,
-            add_out, sub_out, mult_out, div_out, sqrt_out,
-            equl_out, less_out, fl32tofi16_out, fi16tofl32_out, atan_out);
-  input clk, sclr, ce, nd;
-  input [31:0] a, b;
-  input [15:0] fixed, x, y;
-  output add_rdy, sub_rdy, mult_rdy, div_rdy, sqrt_rdy, equl_rdy, less_rdy, fl32tofi16_rdy, fi16tofl32_rdy, atan_rdy;
-  output [31:0] add_out, sub_out, mult_out, div_out, sqrt_out, fi16tofl32_out;
-  output [15:0] fl32tofi16_out, atan_out;
-  output [0:0] equl_out, less_out;
-  wire [0:0] equl_result;
-  wire [0:0] less_result;
-  assign equl_out = equl_result;
-  assign less_out = less_result;
-
-  add u_add (.a(a), .b(b), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(add_out), .rdy(add_rdy));
-  sub u_sub (.a(a), .b(b), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(sub_out), .rdy(sub_rdy));
-  mult u_mult (.a(a), .b(b), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(mult_out), .rdy(mult_rdy));
-  div u_div (.a(a), .b(b), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(div_out), .rdy(div_rdy));
-  sqrt u_sqrt (.a(a), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(sqrt_out), .rdy(sqrt_rdy));
-  equl u_equl (.a(a), .b(b), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(equl_result[0:0]),
-               .rdy(equl_rdy));
-  less u_less (.a(a), .b(b), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(less_result),
-               .rdy(less_rdy));
-  fl32tofi16 u_fl32tofi16 (.a(a), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(fl32tofi16_out),
-                           .rdy(fl32tofi16_rdy));
-  fi16tofl32 u_fi16tofl32 (.a(fixed), .operation_nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .result(fi16tofl32_out),
-                           .rdy(fi16tofl32_rdy));
-  atan u_atan (.x_in(x), .y_in(y), .nd(nd), .clk(clk), .sclr(sclr), .ce(ce), .phase_out(atan_out), .rdy(atan_rdy));
-endmodule
-"""
-
-# One operation, started once; every operator's result as it gets ready, in order of readiness.
-BENCH = """
-module bench;
-  reg clk, nd;
-  wire [9:0] rdy;
-  wire [31:0] add_out, sub_out, mult_out, div_out, sqrt_out, fi16tofl32_out;
-  wire [15:0] fl32tofi16_out, atan_out;
-  wire [0:0] equl_out, less_out;
-  user dut(.clk(clk), .sclr(1'b0), .ce(1'b1), .nd(nd), .a(32'h{a:08x}), .b(32'h{b:08x}),
-    .fixed(16'h{fixed:04x}), .x(16'h{x:04x}), .y(16'h{y:04x}),
-    .add_rdy(rdy[0]), .sub_rdy(rdy[1]), .mult_rdy(rdy[2]), .div_rdy(rdy[3]), .sqrt_rdy(rdy[4]), .equl_rdy(rdy[5]),
-    .less_rdy(rdy[6]), .fl32tofi16_rdy(rdy[7]), .fi16tofl32_rdy(rdy[8]), .atan_rdy(rdy[9]),
-    .add_out(add_out), .sub_out(sub_out), .mult_out(mult_out), .div_out(div_out), .sqrt_out(sqrt_out),
-    .equl_out(equl_out), .less_out(less_out), .fl32tofi16_out(fl32tofi16_out), .fi16tofl32_out(fi16tofl32_out),
-    .atan_out(atan_out));
-  integer cycle;
-  initial begin
-    clk = 0; nd = 1;
-    for (cycle = 1; cycle < 40; cycle = cycle + 1) begin
-      #5 clk = 1;
-      #1 nd = 0;
-      if (rdy[0]) $display("add %0d %h", cycle, add_out);
-      if (rdy[1]) $display("sub %0d %h", cycle, sub_out);
-      if (rdy[2]) $display("mult %0d %h", cycle, mult_out);
-      if (rdy[3]) $display("div %0d %h", cycle, div_out);
-      if (rdy[4]) $display("sqrt %0d %h", cycle, sqrt_out);
-      if (rdy[5]) $display("equl %0d %h", cycle, equl_out);
-      if (rdy[6]) $display("less %0d %h", cycle, less_out);
-      if (rdy[7]) $display("fl32tofi16 %0d %h", cycle, fl32tofi16_out);
-      if (rdy[8]) $display("fi16tofl32 %0d %h", cycle, fi16tofl32_out);
-      if (rdy[9]) $display("atan %0d %h", cycle, atan_out);
-      #4 clk = 0;
-    end
-  end
-endmodule
-"""
+USER_RTL = Path(__file__).with_name("operators_user.v")
+BENCH = Path(__file__).with_name("operators_bench.v")
 
 
 def cli(*arguments):
@@ -139,7 +71,7 @@ def bank(request, folder, tmp_path_factory, models):
         command = json.loads((folder / "add.json").read_text())["command_line"]
         assert command == f"strapdown operators DIRECTORY --latency add={latencies['add']}"
     source = folder / "user_and_operators.sv"
-    source.write_text(USER_RTL + "".join((folder / f"{name}.v").read_text() for name in VENDOR_OPERATORS))
+    source.write_text(USER_RTL.read_text() + "".join((folder / f"{name}.v").read_text() for name in VENDOR_OPERATORS))
     interface = Interface(
         "user", ("nd", "ce", "sclr", "a", "b", "fixed", "x", "y"),
         tuple(f"{name}_{port}" for name in VENDOR_OPERATORS for port in ("rdy", "out")), reset="")
@@ -348,11 +280,10 @@ def test_user_rtl_with_all_ten_operators_in_icarus(folder, tmp_path):
     rows = {"a": np.array([0x40490FDB], dtype=np.uint32), "b": np.array([0xC02DF854], dtype=np.uint32),
             "fixed": np.array([-12345], dtype=np.int16), "x": np.array([-9000], dtype=np.int16),
             "y": np.array([7000], dtype=np.int16)}
-    (tmp_path / "user.v").write_text(USER_RTL)
-    (tmp_path / "bench.v").write_text(BENCH.format(**{name: int(value[0]) & (1 << 8 * value.itemsize) - 1
-                                                      for name, value in rows.items()}))
+    macros = [f"-D{name.upper()}={8 * value.itemsize}'h{int(value[0]) & (1 << 8 * value.itemsize) - 1:x}"
+              for name, value in rows.items()]
     warnings = run_tool(["iverilog", "-g2001", "-Wall", "-Wno-timescale", "-s", "bench", "-o", tmp_path / "bench.vvp",
-                         tmp_path / "bench.v", tmp_path / "user.v", *sources])
+                         *macros, BENCH, USER_RTL, *sources])
     assert warnings == ""
     lines = run_tool(["vvp", "-n", tmp_path / "bench.vvp"]).splitlines()
     got = {name: (int(cycle), int(result, 16)) for name, cycle, result in map(str.split, lines)}

