@@ -43,12 +43,12 @@ WRONG = """\
 replay(1, nonsense=2)
 replay(1, THESIS, "out", build="build", command="")
 replay(recording, "thesis", "out", build="build", command="")
-replay(recording, THESIS, "out", build="build", command="").sumary
+replay(recording, THESIS, "out", build="build", command="").nonsense
 read_recording(1)
 read_recording("flight.csv", rate=100)
 make_core(THESIS, "INS_top")
 CoreModel("INS_top", "INS_top.v", "build")
-CoreModel(core, "INS_top.v", "build").update(numbers, progres=print)
+CoreModel(core, "INS_top.v", "build").update(numbers, on_progress=print)
 StreamModel(core, 1, "build")
 VerilatedModel("a.v", "a", "build")
 VerilatedModel("a.v", Interface("a", ("x",), ("y",)), "build").transact(numbers, limit="5")

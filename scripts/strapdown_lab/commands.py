@@ -40,7 +40,7 @@ __all__ = ["accuracy", "report"]
 def report(operators, cores, only, config_names, place, output, build):
     """Synthesise operators and cores, place and route them, and compare them with public ones.
 
-    Answers are kept, so that a run that was cut off goes on where it was.
+    Results are kept: an interrupted run continues where it was.
     """
 
     names = list(dict.fromkeys(entry.operator for entry in MEASURED))

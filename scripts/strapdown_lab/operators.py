@@ -302,7 +302,7 @@ OPERATORS = (
         parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_DEEP,
         measured=(_fixed("to fixed", 16, 14), _fixed("to fixed", 32, 0)), control=(_SMALL_FIXED,),
         claim=Claim.ROUNDED, proved=Variants(_policies(EIGHT_BITS), {"width": (6,), "fraction_bits": (3,)}),
-        # Few integers, so that there are operands that are cut off to the least of them.
+        # Few integers, so that operands saturate.
         tried=(Variants(_policies(EIGHT_BITS), {"width": (7,), "fraction_bits": (4,)}),
                Variants(_policies(EIGHT_BITS), {"width": (3,), "fraction_bits": (0,)})),
         full_runs=(FullRun("to_int32", partial(FpToFixed, BINARY32, width=32, fraction_bits=0), "to_int32",

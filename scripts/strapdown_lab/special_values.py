@@ -1,4 +1,4 @@
-"""Tables of what operators make of zeros, infinities, NaN and the ends of the range, computed by their twins."""
+"""Tables of the results for zeros, infinities, NaN and the ends of the range, computed by the twins."""
 
 import re
 from functools import partial
@@ -37,13 +37,13 @@ def legend(tables):
     words = set(re.findall(r"[^\s|*−]+", tables))
     parts = [f"`{name}` is {meaning}" for name, meaning in NAMES.items() if name in words]
     if any(f"`{name}" in tables for name in FLAG_NAMES.values()):
-        parts.append("behind a result are the [flags](README.md#flags) that it raises")
+        parts.append("after a result stand the [flags](README.md#flags) that it raises")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}." if parts else ""
 
 
 def number_text(value, fmt=BINARY32):
-    """A number of a format: in digits enough to tell it from any other, or by name."""
+    """A number of a format: with enough digits to distinguish it from every other, or by name."""
     bits = int(fmt.to_bits(value))
     sign, magnitude = "−" if bits >> (fmt.width - 1) else "", bits & ((1 << (fmt.width - 1)) - 1)
     if magnitude > fmt.infinity:

@@ -55,7 +55,7 @@ def test_table_has_a_row_a_recording_and_its_best_in_bold():
 def test_files(tmp_path):
     path = accuracy.write_accuracy(made_up(), tmp_path)
     assert json.loads((tmp_path / "accuracy.json").read_text()) == made_up()
-    assert "Not scored for want of a reference orientation: `four`." in path.read_text()
+    assert "Not scored, because they have no reference orientation: `four`." in path.read_text()
     assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 
 

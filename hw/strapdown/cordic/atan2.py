@@ -60,7 +60,7 @@ class CordicAtan2(CordicComponent):
     done : Out(1)
         High for one cycle an operation, in which results are valid; iterative, they hold until the next.
 
-    Latency: ``latency`` cycles, ``start`` to ``done``, whatever the operands: 4 plus
+    Latency: ``latency`` cycles, ``start`` to ``done``, for all operands: 4 plus
     ``iterations / steps_per_cycle``, plus the normalisation of gradual subnormals: 2 iterative,
     1 pipelined. One operation every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
     Accuracy: the angle within ``error_bound_ulp``, subnormal results included, binary32 and

@@ -67,7 +67,7 @@ class CordicComponent(Described):
 
     @property
     def iterative(self):
-        """Whether one set of registers is used again and again, in place of a pipeline."""
+        """Whether one set of registers serves all cycles of an operation, in place of a pipeline."""
         return self._iterative
 
     @property

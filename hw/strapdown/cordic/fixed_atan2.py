@@ -27,7 +27,7 @@ class FixedAtan2(PipelinedOperator):
         Angle from the x axis, in units of 2**-13 rad, valid while ``done`` is high.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: within ``error_bound`` = 0.73 units of 2**-13 rad, whatever the length of (x, y).
+    Accuracy: within ``error_bound`` = 0.73 units of 2**-13 rad, for every length of (x, y).
     Multiples of pi/4 are correctly rounded.
     Special values: atan2(0, 0) is 0; atan2(0, x) is the rounded pi for negative x.
     Raises: ValueError if ``latency`` is out of range.

@@ -54,7 +54,7 @@ class CordicSinCos(CordicComponent):
     done : Out(1)
         High for one cycle an operation, in which results are valid; iterative, they hold until the next.
 
-    Latency: ``latency`` cycles, ``start`` to ``done``, whatever the operand: 3 plus
+    Latency: ``latency`` cycles, ``start`` to ``done``, for all operands: 3 plus
     ``8 / steps_per_cycle``, rounded up, plus ``iterations / steps_per_cycle``; binary32 by default
     22 cycles iterative, 41 pipelined. One angle every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
     Accuracy: within ``error_bound_ulp`` of either result, for every operand below ``limit``, close

@@ -156,7 +156,7 @@ class FpAdd(PipelinedOperator):
             zeros = Cat(moved, zeros)
         s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
 
-        # Round, and reckon the exponent in the same addition: 1 - zeros, of which all bits but the
+        # Round, and compute the exponent in the same addition: 1 - zeros, of which all bits but the
         # lowest are those of -(zeros >> 1); a subnormal has the exponent 0.
         significand, guard, sticky = s.magnitude[4:], s.magnitude[3], s.magnitude[:3].any()
         change = Cat(~s.zeros[0], *(s.zeros[bit] ^ s.zeros[1:bit].any() for bit in range(1, levels)),

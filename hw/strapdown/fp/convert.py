@@ -40,7 +40,7 @@ class _Converter(PipelinedOperator):
 
     @property
     def fraction_bits(self):
-        """Bits of the fixed-point number behind the point."""
+        """Fraction bits of the fixed-point number."""
         return self._fraction_bits
 
     @property
@@ -57,7 +57,7 @@ class FpToFixed(_Converter):
     format : FloatFormat
         Format of the operand.
     width, fraction_bits : int
-        Bits of the result in two's complement, at least 2, and those behind the point, less than
+        Bits of the result in two's complement, at least 2, and its fraction bits, less than
         ``width``.
     latency : int
         Register ranks, 1 to 4.
@@ -158,7 +158,7 @@ class FixedToFp(_Converter):
     format : FloatFormat
         Format of the result.
     width, fraction_bits : int
-        Bits of the operand in two's complement, at least 2, and those behind the point, less than
+        Bits of the operand in two's complement, at least 2, and its fraction bits, less than
         ``width``.
     latency : int
         Register ranks, 1 to 4.

@@ -73,7 +73,7 @@ class DigitRecurrence(Described):
 
     @property
     def iterative(self):
-        """Whether one set of registers is used again and again, in place of a pipeline."""
+        """Whether one set of registers serves all cycles of an operation, in place of a pipeline."""
         return self._iterative
 
     @property
@@ -261,7 +261,7 @@ class DigitRecurrence(Described):
         return states[1:]
 
     def _low_zeros(self, step):
-        """Low bits of T in a step that are zero whatever the operands, as far as it pays to leave them out."""
+        """Low bits of T in a step that are zero for all operands, where leaving them out makes the circuit smaller."""
         return 0
 
     @property
@@ -271,7 +271,7 @@ class DigitRecurrence(Described):
 
     @property
     def _needs_exactness(self):
-        """Whether an exact result is to be told from one that only lies near."""
+        """Whether an exact result must be distinguished from a near one."""
         return self._flags or not self._rounding.is_nearest
 
     def _normal(self, m, s):
@@ -323,7 +323,7 @@ class FpDivide(DigitRecurrence):
     Members
     -------
     a, b, start : In(format), In(format), In(1)
-        Operands, any unit, taken while ``start`` is high; iterative: if no operation is on.
+        Operands, any unit, taken while ``start`` is high; iterative: if no operation is in flight.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high; iterative: until the next ``done``.
     flags : Out(FLAGS)
@@ -379,7 +379,7 @@ class FpSquareRoot(DigitRecurrence):
     Members
     -------
     a, start : In(format), In(1)
-        Operand, any unit, taken while ``start`` is high; iterative: if no operation is on.
+        Operand, any unit, taken while ``start`` is high; iterative: if no operation is in flight.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high; iterative: until the next ``done``.
     flags : Out(FLAGS)
@@ -438,7 +438,7 @@ class FpDivideSquareRoot(DigitRecurrence):
     -------
     a, b, square_root, start : In(format), In(format), In(1), In(1)
         Operands, any unit, and whether the square root of ``a`` is taken, ``b`` being ignored;
-        taken while ``start`` is high and no operation is on.
+        taken while ``start`` is high and no operation is in flight.
     result, done : Out(format), Out(1)
         Result, valid from ``done`` to the next ``done``.
     flags : Out(FLAGS)

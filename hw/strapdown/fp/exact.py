@@ -147,7 +147,7 @@ def to_fixed(fmt, a, width, fraction_bits, rounding):
     """a * 2**fraction_bits as an integer of ``width`` bits in two's complement: int64 or object."""
     a = _unpack(fmt, a)
     lowest, largest = -(1 << width - 1), (1 << width - 1) - 1
-    # A number of so many binary places lies outside, whatever its significand.
+    # A number of so many binary places is out of range for every significand.
     exponent = a.exponent + fraction_bits
     outside = a.is_infinite | (exponent + bit_length(a.significand) > width)
     significand = _integers(np.where(outside | a.is_nan, 0, a.significand), width)

@@ -21,7 +21,7 @@ class Subnormals(enum.Enum):
     """IEEE 754: subnormal operands and results are exact citizens."""
     FLUSH = "flush"
     """Subnormal operands count as zero of their sign; a result whose exact value lies below
-    the least normal number becomes zero of its sign, whatever the direction of rounding."""
+    the least normal number becomes zero of its sign, in all directions of rounding."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class FloatFormat:
 
     @property
     def decimal_digits(self):
-        """Decimal digits that tell any two numbers apart."""
+        """Decimal digits that distinguish any two numbers."""
         return math.ceil(1 + self.precision * math.log10(2))
 
     @property

@@ -59,7 +59,7 @@ class FpMinMax(PipelinedOperator):
         """Bit-exact software twin: arrays of the format's dtype and of bool, shapes that broadcast."""
         fmt = self._format
         a, b = fmt.array(a), fmt.array(b)
-        # NumPy's own minimum does not tell the zeros apart.
+        # NumPy's own minimum does not distinguish the zeros.
         less = (a < b) | ((a == b) & np.signbit(a))
         chosen = np.where(less ^ np.asarray(maximum, dtype=bool), a, b)
         return fmt.canonical(np.where(np.isnan(a), a, np.where(np.isnan(b), b, chosen)))

@@ -49,7 +49,7 @@ class FpMultiply(PipelinedOperator):
     # between the products of the slices and their sum suits an ECP5 best, whose blocks are smaller.
     PIPELINE = Pipeline(cuts=("unpack", "partial", "product", "normalise", "round", "result"),
                         priority=("result", "partial", "product", "normalise", "unpack", "round"), default_latency=2)
-    # Subnormal operands are normalised before the product, subnormal results aligned behind it.
+    # Subnormal operands are normalised before the product, subnormal results aligned after it.
     GRADUAL_PIPELINE = Pipeline(
         cuts=("coarse", "unpack", "partial", "product", "normalise", "align", "round", "result"),
         priority=("result", "partial", "normalise", "unpack", "align", "coarse", "product", "round"), default_latency=6)

@@ -31,7 +31,7 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     Members
     -------
     a, start : In(format), In(1)
-        Operand, any unit, taken while ``start`` is high and no operation is on.
+        Operand, any unit, taken while ``start`` is high and no operation is in flight.
     result, done : Out(format), Out(1)
         Result, valid from ``done`` to the next ``done``.
     flags : Out(FLAGS)
@@ -78,7 +78,7 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     #
     #     W' = 4W - d F,    F' = 2F + d 3X  if d' = d,  else  2F + d X.
     #
-    # It begins with k = 1, T = 1, W = 4 - X > 0, so that b_1 = 1 and F = 5X. ``remainder`` holds W less
+    # It starts with k = 1, T = 1, W = 4 - X > 0, so that b_1 = 1 and F = 5X. ``remainder`` holds W less
     # one unit of X's last place, so that its sign bit says W <= 0; ``trial`` holds F. The leading one
     # that counts the cycles in ``quotient`` is b_1.
     #

@@ -94,7 +94,7 @@ class FpToFp(PipelinedOperator):
             significand, zeros = normalise(m, significand, "coarse", levels=levels[FINE_LEVELS:])
         s = rank("coarse", **classes, zeros=zeros, exponent=a.exponent, significand=significand)
 
-        # The exponent's range tells the rounding stage whether there can be subnormals.
+        # The range of the exponent shows the rounding stage whether there can be subnormals.
         least, greatest = 1 + offset, source.exponent_special + offset
         significand, zeros = s.significand, s.zeros
         if normalises:

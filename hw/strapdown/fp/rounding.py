@@ -24,7 +24,7 @@ class Rounding(enum.Enum):
 
     @property
     def is_nearest(self):
-        """Whether the nearest number is taken, so that only ties are in question."""
+        """Whether the nearest number is taken, so that only ties need a rule."""
         return self in (Rounding.NEAREST_EVEN, Rounding.NEAREST_AWAY)
 
     def increments(self, sign, odd, guard, sticky):
@@ -82,7 +82,7 @@ def bit_length(values):
 def round_integer(sign, significand, shift, rounding, sticky=False):
     """``significand / 2**shift`` rounded to an integer.
 
-    ``significand`` is at least 0 and less than 2**62; ``sticky`` tells that it was cut off, which
+    ``significand`` is at least 0 and less than 2**62; ``sticky`` means that bits were cut off, which
     needs a ``shift`` of at least 1. Returns (magnitude, whether it is inexact).
     """
     left, right = np.maximum(-shift, 0), np.clip(shift, 0, 63)

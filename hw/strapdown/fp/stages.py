@@ -20,7 +20,7 @@ def unpack(m, fmt, operand, name):
     (fmt.precision bits, hidden bit on top) always weighs 2**(exponent - bias - fraction_width).
     With flushed subnormals a subnormal is a zero: its exponent has no meaning.
     ``nonzero`` is the significand if the number is not zero, for less.
-    ``is_signalling`` tells a NaN whose top fraction bit is zero.
+    ``is_signalling`` is high for a NaN whose top fraction bit is zero.
     """
     tiny = operand.exponent == 0
     special = operand.exponent == fmt.exponent_special
@@ -106,7 +106,7 @@ def round_significand(fmt, exponent, significand, guard, sticky, *, sign=0, roun
 
 
 def pack(m, fmt, sign, encoded, *, is_nan, is_infinite, is_zero):
-    """The number to put out: NaN, infinity or zero if flagged, in this order, else ``encoded``."""
+    """The result: NaN, infinity or zero if flagged, in this order, else ``encoded``."""
     packed = Signal(fmt.layout)
     with m.If(is_nan):
         m.d.comb += packed.eq(fmt.nan)
@@ -127,7 +127,7 @@ def align_subnormal(m, extended, below):
 
 
 def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
-    """The number to put out for a normalised one of unbounded exponent, and what it raises.
+    """The result for a normalised number of unbounded exponent, and the exceptions that it raises.
 
     ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``, and, where
     none of these three holds, ``exponent`` (biased; signed if it may be less than 1) and

@@ -59,7 +59,7 @@ def formal_command(only, jobs):
               help="Part of all operands, evenly spread, as in 1/256.")
 @JOBS
 def exhaustive_command(only, part, jobs):
-    """Run all 2**32 operands through Verilated operators. An interrupted run goes on where it was."""
+    """Run all 2**32 operands through Verilated operators. An interrupted run continues where it was."""
     try:
         part = exhaustive.fraction(part)
     except (ValueError, ZeroDivisionError):
@@ -69,7 +69,7 @@ def exhaustive_command(only, part, jobs):
     except SimulatorMissingError as error:
         raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
-        raise click.ClickException("interrupted; the same command goes on from here") from None
+        raise click.ClickException("interrupted; the same command continues from here") from None
     for run in runs:
         state = run.state
         operands = len(state["shards"]) * exhaustive.SHARD

@@ -281,7 +281,7 @@ class Extreme(_Result):
         with m.If(a.is_nan | b.is_nan):
             m.d.comb += Assert(result == fmt.nan)
         with m.Else():
-            # Twice the value, and one more for a positive sign, tells the zeros apart.
+            # Twice the value, and one more for a positive sign, distinguishes the zeros.
             x, y, z = (2 * signed_value(number) + ~number.sign for number in (a, b, r))
             m.d.comb += [Assert((z == x) | (z == y)), Assert(Mux(op.maximum, (z >= x) & (z >= y), (z <= x) & (z <= y)))]
             if not fmt.gradual:

@@ -92,10 +92,10 @@ class ExhaustiveModel(VerilatedModel):
 
 
 class Run:
-    """The exhaustive check of one operator, as far as it has come.
+    """The exhaustive check of one operator, with its progress.
 
-    What is done is kept in ``build/exhaustive/<name>.json`` after every shard; a run that was broken
-    off goes on there, unless the circuit or the expectations have changed.
+    Progress is kept in ``build/exhaustive/<name>.json`` after every shard. An interrupted run continues
+    from there, unless the circuit or the expectations have changed.
     """
 
     def __init__(self, name, build):
@@ -135,7 +135,7 @@ class Run:
         return self._model.check(self.subject, self.operator, first, count)
 
     def do(self, shard):
-        """Check one shard and keep what came of it."""
+        """Check one shard and keep the result."""
         mismatches, rows = self.check(shard * SHARD, SHARD)
         with self._lock:
             self.state["shards"].append(shard)
@@ -163,7 +163,7 @@ def check(names, part, jobs, root):
             shards = run.remaining(part)
             task = progress.add_task(f"{name}, shards", total=len(shards))
             with ThreadPoolExecutor(jobs) as pool:
-                # Nothing is queued far ahead, so that an interruption is heard at once.
+                # Futures that have not started are cancelled, so that an interruption takes effect soon.
                 futures = [pool.submit(run.do, shard) for shard in shards]
                 try:
                     for future in as_completed(futures):

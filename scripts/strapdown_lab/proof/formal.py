@@ -1,4 +1,4 @@
-"""Proves the catalogue's properties, several at a time, and sums up what came of them."""
+"""Proves the properties of the catalogue, several at a time, and tabulates them."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Control of the operators: no result is lost, made up, late, early, or another operation's."""
+"""Control of the operators: no result is lost, invented, late, early, or that of another operation."""
 
 from amaranth import *
 from amaranth.asserts import AnySeq, Initial
@@ -46,7 +46,7 @@ class _Clockwork(Elaboratable):
 class PipelineAlignment(_Clockwork):
     """Two copies in any two states are given one operation and, before and after it, different ones.
 
-    ``latency`` edges later ``done`` of both tells whether ``start`` was high then, and no reset since,
+    ``latency`` edges later ``done`` of both shows whether ``start`` was high then, and no reset since,
     and if so their results agree. The first state may be any, so this holds at every time, and
     the result depends on nothing but its own operands.
     """
@@ -66,7 +66,7 @@ class PipelineAlignment(_Clockwork):
         results = (ports(op, None, without=("done",)) for op in (one, other))
         with m.If(age[one.latency]):
             m.d.comb += [Assert(one.done == started[-1]), Cover(one.done)]
-            # A reset, which both see, ends an operation that is under way.
+            # A reset, which both see, ends an operation in flight.
             with m.If(started[-1]):
                 m.d.comb += [Assert(other.done), Assert(equal_results(*results))]
         return m
@@ -177,7 +177,7 @@ class _Vendor(_Clockwork):
 
 
 class VendorHold(_Vendor):
-    """With ``ce`` low, and ``sclr`` too, an edge changes no register, whatever the state and the operands.
+    """With ``ce`` low, and ``sclr`` too, an edge changes no register, for every state and all operands.
 
     The solver's ``holds_without`` says so of every register. Here: outputs are functions of registers
     alone, and ``result`` holds even while ``sclr`` is high.

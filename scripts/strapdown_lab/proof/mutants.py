@@ -14,7 +14,7 @@ class Mutant:
     file : str
         Source file, below hw/strapdown.
     fragment, replacement : str
-        What occurs there exactly once, and what is put in its place.
+        Text that occurs there exactly once, and what replaces it.
     breaks : str
         What then goes wrong.
     tests : str
@@ -111,7 +111,7 @@ MUTANTS = (
          ("taken_off.eq(o.b_exponent)", "taken_off.eq(o.b_exponent + 1)", "quotients are halved"),
          ("total = Cat(~negative, s.remainder)", "total = Cat(C(0, 1), s.remainder)",
           "subtractions lack their carry"),
-         ("Mux(negative, s.place << 1, latest)", "latest", "a wrong root bit is not made up for"),
+         ("Mux(negative, s.place << 1, latest)", "latest", "a wrong root bit is not corrected"),
          ("(a.is_zero & b.is_zero)),", "C(0)),", "0 / 0 is no NaN"),
          ("finishing.eq(busy & s.quotient[-1])", "finishing.eq(busy & s.quotient[-2])", "iterations end early"),
          ("accept.eq(self.start & (~busy | finishing))", "accept.eq(self.start)", "a start disturbs an operation")),

@@ -62,7 +62,7 @@ class Property:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a property.
+    """The outcome of a proof.
 
     Attributes
     ----------

@@ -132,8 +132,8 @@ def _timing_diagram(operator, operands, results):
                 "Where a row is blank, its value means nothing.")
     else:
         timing = iterative_timing(operator.latency, operator.interval)
-        text = (f"Iterative, `latency` = {operator.latency}, `interval` = {operator.interval}: X comes while A is on "
-                f"and is lost; B, {operator.interval} cycles after A, is the earliest that is taken. "
+        text = (f"Iterative, `latency` = {operator.latency}, `interval` = {operator.interval}: X comes while A is in "
+                f"flight and is ignored; B, {operator.interval} cycles after A, is the earliest that is taken. "
                 "`(busy)` is not a port.")
     return f"{text}\n\n```\n{diagram(timing, operands, results)}\n```"
 
@@ -221,7 +221,7 @@ def page_text(page, report=None):
 
 
 def _sentence(text):
-    """The text with a capital letter, unless it begins with an expression."""
+    """The text with a capital letter, unless it starts with an expression."""
     return text[0].upper() + text[1:] if re.match(r"[a-z]{2,}[ ,;.]", text) else text
 
 

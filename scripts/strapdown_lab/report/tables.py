@@ -65,7 +65,7 @@ def core_table(report):
 
 
 def _cycles(row):
-    """Cycles from one update to the next, and of one, where several are under way at once."""
+    """Cycles from one update to the next, and the latency where several updates are in flight at once."""
     return row["cycles"] if row["cycles"] == row["latency"] else f"{row['cycles']}, latency {row['latency']}"
 
 

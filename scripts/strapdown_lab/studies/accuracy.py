@@ -198,7 +198,8 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
         + ", ".join(f"{package} {number}" for package, number in result["packages"].items()) + ".",
         "With 6 axes heading counts up to a constant."]
     if missing := result["without_reference"]:
-        page += ["", "Not scored for want of a reference orientation: " + ", ".join(f"`{s}`" for s in missing) + "."]
+        names = ", ".join(f"`{stem}`" for stem in missing)
+        page += ["", f"Not scored, because they have no reference orientation: {names}."]
     for figure in FIGURES:
         page += ["", f"## {figure.capitalize()}", "", figure_table(result, figure)]
     path = directory / "accuracy.md"

@@ -1,8 +1,8 @@
 """Recordings that have a position, through the strapdown navigator without any aid.
 
 The twin of ``SINS_top``, the float64 reference navigator and the recorded track side by side, from
-starts that the recording knows. What is known of the sensors is taken off before: the navigators
-shall agree with each other, and drift as such sensors do.
+starts that the recording knows. Known errors of the sensors are removed first. The navigators
+must agree with each other, and drift as such sensors do.
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from strapdown_sim.stimuli.flight import WGS84
 __all__ = ["Leg", "Run", "car_leg", "quadrotor_legs", "run_reference", "run_twin", "track_errors"]
 
 HAIFA_DEG = 32.8
-"""Latitude of the quadrotor's flights, which the recordings do not tell: gravity and earth rate depend on it."""
+"""Latitude of the quadrotor's flights, which the recordings do not contain: gravity and earth rate depend on it."""
 
 FRD_TO_RFU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 FLU_TO_RFU = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])

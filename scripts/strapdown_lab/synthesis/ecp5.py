@@ -1,7 +1,7 @@
 """Clock frequency on a Lattice ECP5, by Yosys and nextpnr: the fastest free flow from Verilog to routed timing.
 
 A module is placed inside a wrapper with three pins, because a core has more ports than the package has
-pins: operands come from a rank of registers behind a shift register, results go into a rank of registers, and
+pins: operands come from a rank of registers after a shift register, results go into a rank of registers, and
 a registered tree of exclusive ors leads them to the last pin. So every path into and out of the module is
 timed as it would be between registers. No path of the wrapper is longer than one LUT: around a bare register rank
 it reaches 505 MHz with the ports of an adder and 428 MHz with those of INS_top, so it never is the slowest. The
@@ -49,7 +49,7 @@ class Ecp5Placement:
     fmax_mhz : tuple of float
         Routed clock frequency for each of ``ECP5_SEEDS``.
     critical : tuple of str
-        Signals where the slowest path begins and ends, for the median seed; of hard blocks, their cells.
+        Signals where the slowest path starts and ends, for the median seed; of hard blocks, their cells.
     """
 
     lut: int
@@ -154,7 +154,7 @@ def _cells(netlist, top):
 
 
 def _report(netlist, seed, cache):
-    """nextpnr's report on a netlist placed with ``seed``, as far as it is used here."""
+    """nextpnr's report on a netlist placed with ``seed``, the parts that are used here."""
     def make(path):
         with TemporaryDirectory() as scratch:
             shutil.copyfile(netlist, Path(scratch, "netlist.json"))
