@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from strapdown.cores import THESIS_X8
+from strapdown.cores import QUATERNION_J3, THESIS_X8
 from strapdown.cores.attitude import ins_acc, ins_top
-from strapdown.kernel.machine import StreamMachine
+from strapdown.cores.quaternion import quat_direct
+from strapdown.kernel.machine import Problem, StreamMachine
 from strapdown.kernel.modulo_scheduler import modulo_schedule
+
+from .kalman import kalman_graph
 
 POOL, INTERVAL = THESIS_X8.pool, THESIS_X8.interval
 MACHINE = StreamMachine(POOL)
@@ -95,3 +98,24 @@ def test_a_missing_and_a_doubled_step_are_found(small):
         replace(small, steps=small.steps[1:]).verify()
     with pytest.raises(AssertionError, match="scheduled twice"):
         replace(small, steps=(*small.steps, small.steps[0])).verify()
+
+
+def test_a_large_graph_is_scheduled_near_its_bound():
+    graph = kalman_graph(POOL, states=6, measurements=3)
+    assert sum(graph.count().values()) > 500
+    result = modulo_schedule(graph, MACHINE)
+    assert max(result.bounds.values()) <= result.interval < 1.1 * max(result.bounds.values())
+
+
+def test_the_shortest_interval_is_found_again(small):
+    shortest = modulo_schedule(small.graph, MACHINE)
+    assert max(shortest.bounds.values()) <= shortest.interval <= small.interval
+    assert modulo_schedule(small.graph, MACHINE, shortest.interval).steps == shortest.steps
+
+
+def test_an_interval_without_a_schedule_is_refused():
+    # The multiplier would be free in no cycle, and the two buses in a single one.
+    graph = quat_direct(QUATERNION_J3).trace(POOL)
+    assert max(Problem(graph, MACHINE).intervals().values()) == 38
+    with pytest.raises(ValueError, match=r"^interval must be longer than 38: no schedule was found$"):
+        modulo_schedule(graph, MACHINE, 38)

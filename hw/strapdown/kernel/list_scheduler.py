@@ -1,8 +1,10 @@
 """The shortest schedule of one update: list scheduling."""
 
 import random
+from collections.abc import Hashable
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
+from itertools import accumulate
 
 from .machine import Machine, Problem, kept, reads
 from .schedule import Schedule, Step
@@ -87,6 +89,16 @@ class _Table(Problem):
         super().__init__(graph, machine)
         self.chains = self._chains()
         self.chain_of = {node: chain for chain in self.chains for node in chain}
+        self.number = {chain: index for index, chain in enumerate(self.chains)}
+        self.ahead, self.behind = (
+            {chain: {self.chain_of[other] for node in chain for other, _ in edges[node]} - {chain}
+             for chain in self.chains} for edges in (self.operands, self.readers))
+        # Each node with its issue after that of the first one; cycles to the last result.
+        self.offsets: dict[Chain, list[tuple[Node, int]]] = {}
+        self.span: dict[Chain, int] = {}
+        for chain in self.chains:
+            ends = [0, *accumulate(self.delay[node] for node in chain)]
+            self.offsets[chain], self.span[chain] = list(zip(chain, ends, strict=False)), ends[-1]
 
     def _chains(self) -> list[Chain]:
         """All nodes, tied where a result's only reader spreads what is not finite, which is seen on the bus."""
@@ -115,83 +127,97 @@ class _Table(Problem):
 
         Cycles count from any number.
         """
-        ahead, behind = (self.readers, self.operands) if late else (self.operands, self.readers)
-        waiting = {chain: len({self.chain_of[other] for node in chain for other, _ in ahead[node]} - {chain})
-                   for chain in self.chains}
-        number = {chain: index for index, chain in enumerate(self.chains)}
-        queue = [(priority[chain], number[chain]) for chain in self.chains if not waiting[chain]]
+        ahead, behind = (self.ahead, self.behind)[::-1] if late else (self.ahead, self.behind)
+        waiting = {chain: len(ahead[chain]) for chain in self.chains}
+        queue = [(priority[chain], self.number[chain]) for chain in self.chains if not waiting[chain]]
         heapify(queue)
         places: dict[Node, Step] = {}
-        taken: set[tuple] = set()
+        full: dict[Hashable, int] = {}
         while queue:
             chain = self.chains[heappop(queue)[1]]
-            self._place(chain, places, taken, late)
-            for other in {self.chain_of[other] for node in chain for other, _ in behind[node]} - {chain}:
+            self._place(chain, places, full, late)
+            for other in behind[chain]:
                 waiting[other] -= 1
                 if not waiting[other]:
-                    heappush(queue, (priority[other], number[other]))
+                    heappush(queue, (priority[other], self.number[other]))
         assert len(places) == len(self.nodes)
         # The address of the first operand goes out before the cycle in which it comes.
         first = min(step.issue for step in places.values()) - self.machine.lead
-        return {node: replace(step, issue=step.issue - first, write=step.write - first)
+        return {node: Step(node, step.unit, step.issue - first, step.write - first, bus=step.bus)
                 for node, step in places.items()}
 
-    def _place(self, chain, places, taken, late):
-        """Add the steps of a chain to ``places``, and what they take up to ``taken``."""
-        offsets = [0]
-        for node in chain[:-1]:
-            offsets.append(offsets[-1] + self.delay[node])
-        inside = set(chain)
+    def _place(self, chain, places, full, late):
+        """Add the steps of a chain to ``places``, and what they take up to ``full``.
+
+        Cycles of ``full`` count backwards if the chain goes to the latest cycle: so they are never negative, and a
+        place is sought upwards in both directions.
+        """
         limits = []  # (offset of an issue or a result, cycle of the other end, how it is read)
-        for node, offset in zip(chain, offsets, strict=True):
+        for node, offset in self.offsets[chain]:
             if late:
                 limits += [(offset + self.delay[node], places[reader].issue, read)
-                           for reader, read in self.readers[node] if reader not in inside]
+                           for reader, read in self.readers[node] if self.chain_of[reader] is not chain]
             else:
                 limits += [(offset, places[operand].write, read)
-                           for operand, read in self.operands[node] if operand not in inside]
-        if late:
-            cycle = min((other - offset - self.machine.least_wait(read) for offset, other, read in limits),
-                        default=-offsets[-1] - self.delay[chain[-1]])
-        else:
-            cycle = max((other - offset + self.machine.least_wait(read) for offset, other, read in limits),
-                        default=0)
+                           for operand, read in self.operands[node] if self.chain_of[operand] is not chain]
         sign = -1 if late else 1
+        least = max((sign * (other - offset) + self.machine.least_wait(read) for offset, other, read in limits),
+                    default=self.span[chain] if late else 0)
+        taken = self._taken(chain, full, sign) >> least
         while True:
-            if all(self.machine.may_wait(sign * (cycle + offset - other), read)
-                   for offset, other, read in limits):
-                needs = self._needs(chain, offsets, cycle, taken)
-                if needs is not None:
-                    break
-            cycle += sign
-        units, bus, slots = needs
-        taken |= slots
-        for node, offset, unit in zip(chain, offsets, units, strict=True):
-            places[node] = Step(node, unit.name if unit else "input", cycle + offset, cycle + offset + self.delay[node],
-                                bus=bus if node is chain[-1] else "main")
+            # The lowest bit that is not set is the next cycle that may be free.
+            step = (~taken & taken + 1).bit_length() - 1
+            taken >>= step
+            least += step
+            if all(self.machine.may_wait(least - sign * (other - offset), read) for offset, other, read in limits) \
+                    and (found := self._ways(chain, full, sign, least)):
+                break
+            taken |= 1
+        for node, unit, bus, issue in found:
+            places[node] = Step(node, unit.name if unit else "input", issue, issue + self.delay[node], bus=bus)
 
-    def _needs(self, chain, offsets, cycle, taken):
-        """For a chain that starts in ``cycle``: units of its nodes, bus of its last result, slots they take up.
+    def _taken(self, chain, full, sign):
+        """Cycles from which the chain cannot start because a single one of its resources is taken, a bit each."""
+        def moved(mask, by):
+            return mask >> by if by > 0 else mask << -by
 
-        None if they are not free.
+        taken = 0
+        for node, offset in self.offsets[chain]:
+            if self.units[node]:
+                busy = -1
+                for unit in self.units[node]:
+                    busy &= full.get(self.machine.port(unit), 0) | full.get(unit.name, 0)
+                taken |= moved(busy, sign * offset)
+        busy = -1
+        for bus in self.buses[chain[-1]]:
+            busy &= full.get(bus, 0)
+        return taken | moved(busy, sign * self.span[chain])
+
+    def _ways(self, chain, full, sign, start):
+        """For a chain that starts in a cycle: node, unit, bus and issue of each of its nodes, now taken from ``full``.
+
+        None if they are not free; then nothing is taken.
         """
-        write = cycle + offsets[-1] + self.delay[chain[-1]]
-        bus = next((bus for bus in self.buses[chain[-1]] if (bus, write) not in taken), None)
-        if bus is None:
-            return None
-        slots: set[tuple] = {(bus, write)}
-        chosen = []
-        for node, offset in zip(chain, offsets, strict=True):
-            issue = cycle + offset
+        before, found = dict(full), []
+        for node, offset in self.offsets[chain]:
+            issue = start + sign * offset
             for unit in self.units[node]:
-                wanted: set[tuple] = {("port", self.machine.port(unit), issue),
-                                      *((unit.name, issue + busy) for busy in range(unit.interval))}
-                if taken.isdisjoint(wanted) and slots.isdisjoint(wanted):
+                port = self.machine.port(unit)
+                if not (full.get(port, 0) | full.get(unit.name, 0)) >> issue & 1:
+                    full[port] = full.get(port, 0) | 1 << issue
+                    # No other start is so near that the unit would still be busy.
+                    near, first = (1 << 2 * unit.interval - 1) - 1, issue - unit.interval + 1
+                    full[unit.name] = full.get(unit.name, 0) | (near << first if first >= 0 else near >> -first)
                     break
             else:
                 if self.units[node]:
+                    full.clear()
+                    full.update(before)
                     return None
-                unit, wanted = None, set()
-            slots |= wanted
-            chosen.append(unit)
-        return chosen, bus, slots
+                unit = None
+            found.append((node, unit, "main", sign * issue))
+        write = start + sign * self.span[chain]
+        bus = next(bus for bus in self.buses[chain[-1]] if not full.get(bus, 0) >> write & 1)
+        full[bus] = full.get(bus, 0) | 1 << write
+        node, unit, _, issue = found[-1]
+        return [*found[:-1], (node, unit, bus, issue)]

@@ -56,10 +56,11 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None)
 
 def _shortest(problem, least):
     """The schedule of a short interval: from ``least`` in growing steps to one that is found, then by halves."""
+    precision = 1 + least // 128
     failed, step = least - 1, 1
     while (result := _scheduled(problem, failed + step)) is None:
-        failed, step = failed + step, 2 * step
-    while result.interval - failed > 1 + least // 128:
+        failed, step = failed + step, 2 * step if step > 1 else 1 + precision // 2
+    while result.interval - failed > precision:
         middle = (failed + result.interval) // 2
         if shorter := _scheduled(problem, middle):
             result = shorter
@@ -103,7 +104,7 @@ ATTEMPTS, WORK = (16, 4), 10_000
 """How often the scheduler starts anew, and thoroughly; and how many nodes it places in all: large graphs get fewer
 attempts."""
 
-PATIENCE = 3000, 30_000
+PATIENCE = 3000, 6000
 """Most searches in an attempt for another place of a node that is placed already; and in a thorough one."""
 
 ROUNDS = 3
