@@ -43,8 +43,8 @@ MEANINGS = {
     "i": "integral of the error, body axes, rad/s",
     "omega": "corrected angular rate, body axes, rad/s",
     "angles": "degrees; yaw in [0, 360)",
-    "cosine": "cosine, times any length",
-    "sine": "sine, times the same length",
+    "cosine": "cosine, times any positive factor",
+    "sine": "sine, times the same factor",
     "angle": "atan2(sine, cosine), rad",
 }
 """Meaning, unit and frame of the ports, by the kernels' names."""

@@ -142,5 +142,5 @@ FLIGHT = FlightConfig(
     sample_rate_hz=500)
 
 FLIGHT_6AXIS = FlightConfig(
-    name="flight_6axis", description="the same without magnetometer: heading is the gyro's alone",
+    name="flight_6axis", description="the same without magnetometer: heading from the gyro only",
     sample_rate_hz=500, magnetometer=False)

@@ -45,7 +45,7 @@ MEANINGS = {
     "omega": "angular rate p, q, r, body axes, rad/s, mean over the update period",
     "first": "angular rate p, q, r, body axes, rad/s, mean over the first half of the update period",
     "second": "angular rate p, q, r, body axes, rad/s, mean over the second half of the update period",
-    "load": "1.0: the update takes the start quaternion; 0.0: it propagates",
+    "load": "1.0: load the start quaternion; 0.0: propagate",
     "start": "start quaternion, body to navigation, scalar first, unit length",
     "e": "quaternion, body to navigation, scalar first",
 }
