@@ -1,6 +1,5 @@
 """Arrays with the nesting of the kernel, and runs of the twin."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from strapdown.cores import (
     system_of,
 )
 from strapdown.kernel.system import System, matrix, vector
-from strapdown_sim.truth import complementary_filter
 
 INS_TOP = system_of("INS_top", THESIS)
 INS_MAG = system_of("INS_mag", THESIS)
@@ -237,16 +235,3 @@ def test_a_first_update_that_is_refused_in_float64_shows_zeros():
     assert INS_TOP.read(result)["c"].tolist() == np.zeros((1, 3, 3)).tolist()
     assert result["refused"].tolist() == [True]
     assert result["q0"].tolist() == [1]
-
-
-def test_the_example_of_the_documentation(root):
-    block, = re.findall(r"^```python\n(import numpy.*?system\.bind.*?)^```", (root / "docs" / "cores.md").read_text(),
-                        re.MULTILINE | re.DOTALL)
-    names: dict = {}
-    exec(block, names)
-    assert names["matrix"].shape == (100, 3, 3)
-    accel, mag = (np.tile(names[name], (2, 1)) for name in ("accel", "mag"))
-    truth = complementary_filter(THESIS).run(accel, mag, np.zeros((200, 3))).c_n2b
-    # Some ten roundings of 2**-24 an update, of which the filter forgets the older ones.
-    np.testing.assert_allclose(names["matrix"], truth[:100], rtol=0, atol=1e-5)
-    np.testing.assert_allclose(INS_TOP.read(names["more"])["c"], truth[100:], rtol=0, atol=1e-5)
