@@ -16,6 +16,10 @@ def test_table_of_configurations(root, make_core):
     assert found[1].strip() == docs.configurations_block(make_core)
 
 
-def test_linked_files_exist(root):
+def test_links_lead_somewhere(root):
     for target in re.findall(r"\]\(([^)]+)\)", (root / "README.md").read_text()):
-        assert (root / target).exists(), target
+        file, _, section = target.partition("#")
+        assert (root / file).exists(), target
+        if section:
+            titles = re.findall(r"^#+ (.+)", (root / file).read_text(), re.MULTILINE)
+            assert section in [title.lower().replace(" ", "-") for title in titles], target
