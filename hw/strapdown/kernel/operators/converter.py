@@ -1,5 +1,3 @@
-# amaranth: UnusedElaboratable=no
-# Units are also made for their latency and their twin alone.
 """Conversion from integers."""
 
 from dataclasses import dataclass
