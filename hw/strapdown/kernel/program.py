@@ -491,7 +491,7 @@ class StreamProgram(Program):
         """Kinds of addresses, in the order of their numbers: pairs of a kind and its parameter, which is the number of
         bits that turn, or the stage of the update whose state it is."""
         turned = {(TURNED, self._copies(node).bit_length() - 1) for node in self.addresses if self._copies(node) > 2}
-        read_again = {(NEXT, self._stage(step.issue - 2)) for step in self.schedule.steps
+        read_again = {(NEXT, self._fetching(step)) for step in self.schedule.steps
                       for read in reads(step.node) if not read.condition and read.node in self._own}
         return ((PLAIN, 0), (TURNED, 1), *((STATE, stage) for stage in range(self.schedule.stages)),
                 *sorted(turned), *sorted(read_again))
@@ -536,9 +536,12 @@ class StreamProgram(Program):
     def _stage(self, cycle):
         return cycle // self.length
 
-    def _place(self, node, cycle, state=STATE):
-        """Address and kind for a word that acts in ``cycle``; where it points to is settled in the cycle before."""
-        stage = self._stage(cycle - 1)
+    def _fetching(self, step):
+        """The stage in which the addresses of a step's operands are settled: a cycle before they go out."""
+        return self._stage(step.issue - self.schedule.machine.lead - 1)
+
+    def _place(self, node, stage, state=STATE):
+        """Address and kind of a node, for a word whose addresses are settled in ``stage``."""
         if node.operation == "constant":
             address, kind = self.constants[node.value], (PLAIN, 0)
         elif node.operation == "state" or node in self._own:
@@ -553,7 +556,7 @@ class StreamProgram(Program):
     def _write(self, put, step):
         # What is on the bus is judged a cycle later.
         put(step.write, step.bus, enable=1, source=self.sources[step.bus].index(step.unit),
-            stage=self._stage(step.write + 1), **self._place(step.node, step.write))
+            stage=self._stage(step.write + 1), **self._place(step.node, self._stage(step.write - 1)))
         if step.unit == "input":
             put(step.issue, input=self.graph.inputs.index(step.node.label))
 
@@ -561,7 +564,7 @@ class StreamProgram(Program):
         return {"side": int(read.node in self.schedule.aside)} if self.side_depth else {}
 
     def _fetch(self, step, read):
-        return self._place(read.node, step.issue - 1, NEXT if read.node in self._own else STATE)
+        return self._place(read.node, self._fetching(step), NEXT if read.node in self._own else STATE)
 
     def _condition(self, step):
         return {"index": self.conditions.index(self._aged(step))}
