@@ -1,38 +1,20 @@
-"""Files that appear whole or not at all, and results that are made once."""
+"""Results that are made once, and kept in a folder."""
 
 import fcntl
 import hashlib
 import json
 import os
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
-__all__ = ["Cache", "digest", "written_whole"]
+from strapdown.files import written_whole
+
+__all__ = ["Cache", "digest"]
 
 
 def digest(*texts: str) -> str:
     """SHA-256 of texts, in hexadecimal digits."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()
-
-
-@contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
-    """Context manager: gives the path of a file or folder to write, which takes the place of ``path`` at the end.
-
-    An exception inside leaves ``path`` as it was, and nothing else behind.
-    """
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    try:
-        yield partial
-        if path.is_dir():
-            shutil.rmtree(path)
-        partial.replace(path)
-    finally:
-        if partial.is_dir():
-            shutil.rmtree(partial)
-        partial.unlink(missing_ok=True)
 
 
 class Cache:

@@ -1,8 +1,8 @@
-"""Files appear whole or not at all; results are made once for each set of inputs."""
+"""Results are made once for each set of inputs."""
 
 import pytest
 
-from strapdown_sim.cache import Cache, digest, written_whole
+from strapdown_sim.cache import Cache, digest
 
 
 def test_a_result_is_made_once_for_equal_inputs(tmp_path):
@@ -35,34 +35,3 @@ def test_digest_is_the_published_one():
     """FIPS 180-4, example of one block."""
     assert digest("abc") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     assert digest("a", "b") != digest("ab")
-
-
-@pytest.mark.parametrize("is_folder", [False, True])
-def test_written_whole_or_not_at_all(tmp_path, is_folder):
-    target = tmp_path / "result"
-
-    def write(path, text):
-        if is_folder:
-            path.mkdir()
-            path /= "file"
-        path.write_text(text)
-
-    def read():
-        return (target / "file" if is_folder else target).read_text()
-
-    with written_whole(target) as partial:
-        write(partial, "first")
-        assert not target.exists()
-
-    def cut_off():
-        with written_whole(target) as partial:
-            write(partial, "half")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        cut_off()
-    assert read() == "first"
-    with written_whole(target) as partial:
-        write(partial, "second")
-    assert read() == "second"
-    assert [path.name for path in tmp_path.iterdir()] == ["result"]

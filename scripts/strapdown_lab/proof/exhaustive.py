@@ -17,9 +17,10 @@ from amaranth.lib.wiring import In, Out
 
 from strapdown.cli.progress import progress_bars
 from strapdown.export.backend import to_verilog
+from strapdown.files import written_whole
 from strapdown_lab.markdown import markdown_table
 from strapdown_lab.operators import OPERATORS
-from strapdown_sim.cache import digest, written_whole
+from strapdown_sim.cache import digest
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 __all__ = ["RUNS", "Run", "table"]

@@ -11,8 +11,8 @@ from cocotb_tools.runner import get_results, get_runner
 
 from strapdown.cores import CONFIGS, make_core
 from strapdown.export import write_core
+from strapdown.files import written_whole
 
-from ..cache import written_whole
 from .toolchain import verilator_environment
 
 __all__ = ["core_under_test", "run_bench"]

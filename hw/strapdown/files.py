@@ -1,0 +1,63 @@
+"""Files that appear whole or not at all."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+__all__ = ["written_together", "written_whole"]
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Context manager: gives the path of a file or folder to write, which takes the place of ``path`` at the end.
+
+    An exception inside leaves ``path`` as it was, and nothing else behind. The folder of ``path`` must exist.
+    """
+    partial = _beside(path)
+    try:
+        yield partial
+        if path.is_dir():
+            shutil.rmtree(path)
+        partial.replace(path)
+    finally:
+        _remove(partial)
+
+
+@contextmanager
+def written_together(directory: Path) -> Iterator[Path]:
+    """Context manager: gives an empty folder, whose files take their places in ``directory`` at the end.
+
+    An exception inside leaves ``directory`` as it was: nothing is replaced, and a folder that did not exist is not
+    made. Files of ``directory`` with other names stay.
+    """
+    created = [folder for folder in (directory, *directory.parents) if not folder.exists()]
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        # In the folder, not beside it: a rename must not cross the border of a file system.
+        partial = _beside(directory / "files")
+        try:
+            partial.mkdir()
+            yield partial
+            for file in sorted(partial.iterdir()):
+                file.replace(directory / file.name)
+        finally:
+            _remove(partial)
+    except BaseException:
+        for folder in created:
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
+        raise
+
+
+def _beside(path):
+    """A name beside ``path`` that no other process uses."""
+    return path.with_name(f"{path.name}.{os.getpid()}.partial")
+
+
+def _remove(partial):
+    """Remove a file or folder, if it is there."""
+    if partial.is_dir():
+        shutil.rmtree(partial)
+    partial.unlink(missing_ok=True)

@@ -1,0 +1,61 @@
+"""Files appear whole or not at all."""
+
+import pytest
+
+from strapdown.files import written_together, written_whole
+
+
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_written_whole_or_not_at_all(tmp_path, is_folder):
+    target = tmp_path / "result"
+
+    def write(path, text):
+        if is_folder:
+            path.mkdir()
+            path /= "file"
+        path.write_text(text)
+
+    def read():
+        return (target / "file" if is_folder else target).read_text()
+
+    with written_whole(target) as partial:
+        write(partial, "first")
+        assert not target.exists()
+
+    def cut_off():
+        with written_whole(target) as partial:
+            write(partial, "half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cut_off()
+    assert read() == "first"
+    with written_whole(target) as partial:
+        write(partial, "second")
+    assert read() == "second"
+    assert [path.name for path in tmp_path.iterdir()] == ["result"]
+
+
+def test_files_take_their_places_together_or_not_at_all(tmp_path):
+    folder = tmp_path / "new" / "folder"
+
+    def write(text, *, cut_off=False):
+        with written_together(folder) as partial:
+            (partial / "a").write_text(text)
+            assert not (folder / "b").exists() or (folder / "b").read_text() != text
+            (partial / "b").write_text(text)
+            if cut_off:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write("half", cut_off=True)
+    assert list(tmp_path.iterdir()) == []
+    write("first")
+    (folder / "other").write_text("of the user")
+    with pytest.raises(KeyboardInterrupt):
+        write("half", cut_off=True)
+    write_of = {path.name: path.read_text() for path in folder.iterdir()}
+    assert write_of == {"a": "first", "b": "first", "other": "of the user"}
+    write("second")
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {
+        "a": "second", "b": "second", "other": "of the user"}
