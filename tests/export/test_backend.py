@@ -1,6 +1,7 @@
 """The Verilog is that of Amaranth's own Yosys, whatever is on PATH."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -44,6 +45,39 @@ def test_the_keyword_signed_stays():
     tidied = tidy(text)
     assert "reg signed [3:0] b_c;" in tidied
     assert "reg signed_2;" in tidied
+
+
+def test_literals_are_not_taken_for_names():
+    """A wire may have the letters of a number's base and digits: 6'b??1 and 4'h?a name neither b nor a."""
+    text = """module top(x, y, z);
+  input [5:0] x;
+  output y;
+  output z;
+  wire a;
+  wire b;
+  wire b1;
+  wire \\x.parity ;
+  wire h;
+  assign \\x.parity  = ^x;
+  assign a = \\x.parity ;
+  assign b = \\x.parity ;
+  assign h = x[0];
+  assign b1 = b;
+  assign y = b1 & a;
+  always @*
+    casez (x)
+      6'b??1:
+        z = b & 4'h?a & 1'b1;
+      default:
+        z = b;
+    endcase
+endmodule
+"""
+    tidied = tidy(text)
+    assert "      6'b??1:\n        z = x_parity & 4'h?a & 1'b1;\n" in tidied
+    assert "assign y = x_parity & x_parity;" in tidied
+    # Nothing reads them: the letter in a literal is no reader.
+    assert not re.search(r"\b(?:wire|assign) (?:a|b|b1|h)\b", tidied)
 
 
 class Choice(wiring.Component):

@@ -32,6 +32,8 @@ KEYWORDS = frozenset(re.findall(r"\w+", """
     wire with within wor xnor xor
     """))
 
+# Base and digits of a number, as in 6'b??1; they are no names.
+LITERAL = r"'[sS]?[bodhBODH][\w?]+"
 WIRE = re.compile(r"^(  wire (?:\[\d+:\d+\] )?(\w+);\n)", re.MULTILINE)
 ASSIGN = re.compile(r"^(  assign (\w+) = (.*);\n)", re.MULTILINE)
 PORT = re.compile(r"^  (?:input|output) (?:\[\d+:\d+\] )?(\w+);\n", re.MULTILINE)
@@ -113,10 +115,15 @@ def _without_aliases(text):
             if value not in ports and _telling(target) > _telling(value):
                 goes, stays = value, target
             text = text.replace(line, "", 1).replace(wires[target], "", 1)
-            text = re.sub(rf"(?<!\.)\b{goes}\b", stays, text)
+            text = _renamed(text, goes, stays)
             break
         else:
             return text
+
+
+def _renamed(text, old, new):
+    """Text with another name for a signal; literals, and ports of submodules, may have the same letters."""
+    return re.sub(rf"{LITERAL}|(?<!\.)\b{old}\b", lambda part: part[0] if part[0].startswith("'") else new, text)
 
 
 def _telling(name):
@@ -127,7 +134,7 @@ def _telling(name):
 def _without_unread(text):
     """Remove the wires that nothing reads."""
     while True:
-        uses = Counter(re.findall(r"[A-Za-z_]\w*", text))
+        uses = Counter(re.findall(r"[A-Za-z_]\w*", re.sub(LITERAL, "", text)))
         assigned = {name: line for line, name, _ in ASSIGN.findall(text)}
         declared = {name: line for line, name in WIRE.findall(text)}
         unread = [name for name in declared if uses[name] == 1 + (name in assigned)]
