@@ -6,9 +6,13 @@ import sys
 
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, MAHONY, THESIS
-from strapdown.export import verilog_text, write_core
+from strapdown.algorithms.attitude import Update
+from strapdown.cores import ATTITUDE_CORES, MAHONY, THESIS, Core
+from strapdown.export import verilog_text, write, write_core
 from strapdown.export.tidy import KEYWORDS
+from strapdown.kernel.operators import Adder, Selector
+from strapdown.kernel.pool import Pool
+from strapdown.kernel.system import System
 from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_environment, verilator_root
 
 
@@ -119,3 +123,71 @@ def test_description_tells_ports_latency_configuration_versions_and_command(fold
 
 def test_configuration_is_in_the_file(folder, make_core):
     assert (folder / "INS_mag.v").read_text() != verilog_text(make_core("INS_mag", MAHONY), MAHONY)
+
+
+def body(text):
+    return re.sub(r"^//.*\n", "", text, flags=re.MULTILINE)
+
+
+STRANGE = ("Höhe 😀 ω", "ends with \\", "a\nmodule live;\nendmodule", "a\rb\vc\fd\x1ce\x85f\u2028wire live;",
+           "\x1b[31mred\x00")
+"""Texts that must not harm the file: an umlaut, an emoji, line breaks of all kinds, control characters."""
+
+
+@pytest.mark.parametrize("text", STRANGE)
+def test_no_text_gets_out_of_the_header(make_core, text, tmp_path):
+    config = THESIS.model_copy(update={"description": text})
+    path = write_core(make_core("INS_atan", THESIS), config, tmp_path, f"strapdown generate --set 'description={text}'")
+    written = path.read_bytes()
+    assert all(byte == 10 or 32 <= byte < 127 for byte in written)
+    header, _, rest = written.decode("ascii").partition("\nmodule ")
+    assert all(line.startswith("//") for line in header.splitlines() if line)
+    assert "module " + rest == body(verilog_text(make_core("INS_atan", THESIS), THESIS)).lstrip("\n")
+    run_tool([verilator_root() / "bin" / "verilator", "--lint-only", "-Wno-fatal", "--top-module", "INS_atan", path],
+             environment=verilator_environment())
+    if not icarus_missing():
+        run_tool(["iverilog", "-g2001", "-o", tmp_path / "out.vvp", path])
+
+
+def test_letters_outside_ascii_become_plain_letters_or_escapes(make_core):
+    config = THESIS.model_copy(update={"description": "Höhe 😀, 90°"})
+    text = verilog_text(make_core("INS_atan", THESIS), config)
+    assert "configuration thesis (Hohe \\U0001f600, 90 deg)." in text
+
+
+def test_header_tells_licence_versions_and_command(folder):
+    header = (folder / "INS_mag.v").read_text().split("\nmodule ")[0]
+    facts = json.loads((folder / "INS_mag.json").read_text())
+    assert "\n// SPDX-License-Identifier: BSD-2-Clause\n" in header
+    assert f"\n// Command: {facts['command_line']}\n" in header
+    for name, number in facts["versions"].items():
+        assert f"{name} {number}" in header
+
+
+def written_out(xp, a):
+    return Update({"y": a + a})
+
+
+def documented(xp, a):
+    """y = 2 a"""
+
+
+@pytest.mark.parametrize(("kernels", "expected"), [
+    ((), ["   def written_out(xp, a):", '       return Update({"y": a + a})']),
+    ((documented,), ["   documented: y = 2 a"]),
+    ((eval("lambda xp, a: a"),), ["   <lambda>: see the microprogram below"]),
+])
+def test_equations_are_never_empty(kernels, expected):
+    system = System("sum", "a title", written_out, kernels=kernels, inputs={"a": "a"}, outputs={"y": "y"},
+                    sections=("Y",), start="start", finish="finish")
+    header = verilog_text(Core(system, Pool(operators=(Adder(), Selector())))).split("\nmodule ")[0]
+    assert header.split("\n// EQUATIONS\n")[1].split("\n//\n")[0].splitlines() == [f"//{line}" for line in expected]
+
+
+def test_files_of_before_stay_if_writing_fails(make_core, tmp_path, monkeypatch):
+    core = make_core("INS_atan", THESIS)
+    write(core, tmp_path, command="first", config=THESIS)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(ValueError, match="JSON"):
+        write(core, tmp_path, command="second", config=THESIS.model_copy(update={"kp": float("nan")}))
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

@@ -7,6 +7,7 @@ import click
 
 from strapdown.cores import main_module
 from strapdown.export import explain as explanations
+from strapdown.files import written_together
 
 from .common import UserError, config_options, core_of, target_of, writing
 
@@ -40,8 +41,8 @@ def schedule(target, config_name, changes, module, output):
         raise UserError(f"--output takes a .png or .svg file, not {path}")
     for line in schedule_summary(result):
         click.echo(line)
-    with writing(path):
-        schedule_picture(result, f"{module}, configuration {config.name}", path)
+    with writing(path), written_together(path.parent) as folder:
+        schedule_picture(result, f"{module}, configuration {config.name}", folder / path.name)
     click.echo(f"picture: {path}")
 
 

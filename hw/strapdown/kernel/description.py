@@ -91,8 +91,8 @@ class SystemComponent(Described):
 
     @property
     def equations(self):
-        """The functions whose docstrings explain the equations."""
-        return self._system.kernels
+        """The functions whose docstrings, or else whose source, explain the equations; never empty."""
+        return self._system.kernels or (self._system.equations,)
 
 
 def status_ports(system, names):
