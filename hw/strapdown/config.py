@@ -1,6 +1,7 @@
 """What all configurations share: they are frozen, and pydantic validates them. An error is one line."""
 
 import re
+import unicodedata
 from collections.abc import Callable
 from typing import Annotated
 
@@ -11,7 +12,7 @@ from strapdown.kernel.machine import streaming
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System
 
-__all__ = ["Axes", "Config", "ConfigError", "Gain", "Names", "Positive"]
+__all__ = ["Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes"]
 
 
 class ConfigError(ValueError):
@@ -31,6 +32,19 @@ def _axes(axes):
     return axes
 
 
+def _left_handed(axes):
+    """Whether axes, as signed letters, form a left-handed frame: the determinant of their matrix is negative."""
+    matrix = [[(axis[1] == letter) * (-1 if axis[0] == "-" else 1) for letter in "xyz"] for axis in axes]
+    (a, b, c), (d, e, f), (g, h, i) = matrix
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
+
+
+def _right_handed(axes):
+    if _left_handed(axes):
+        raise ValueError("must be right-handed, as a rotated sensor is: turn one sign round, or swap two axes")
+    return axes
+
+
 def _power_of_two(number):
     if number & (number - 1):
         raise ValueError("must be a power of two")
@@ -38,7 +52,10 @@ def _power_of_two(number):
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
-Axes = Annotated[Names, AfterValidator(_axes)]
+_EITHER_HAND = AfterValidator(_axes)
+Axes = Annotated[Names, _EITHER_HAND]
+"""Sensor axes along body x, y and z, each with its sign. Those of a magnetometer may be left-handed."""
+RightHandedAxes = Annotated[Names, _EITHER_HAND, AfterValidator(_right_handed)]
 Gain = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
@@ -61,6 +78,14 @@ class Config(BaseModel):
         default=None, ge=1, le=10_000,
         description="clock cycles from one sample to the next of several channels; None: the scheduler's choice")
 
+    @field_validator("*")
+    @classmethod
+    def _printable(cls, value: object) -> object:
+        # Such characters end a line of a header, or cannot be seen in it.
+        if isinstance(value, str) and any(unicodedata.category(char) in ("Cc", "Cs", "Zl", "Zp") for char in value):
+            raise ValueError("must be one line without control characters")
+        return value
+
     @field_validator("interval", mode="before")
     @classmethod
     def _interval(cls, value: object, info: ValidationInfo) -> object:
@@ -79,6 +104,14 @@ class Config(BaseModel):
     def engine_pool(self):
         """The pool that the engine has: ``pool``, or what stands for it with several channels."""
         return self.pool if self.channels == 1 else streaming(self.pool)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines on fields that are seldom meant as they are."""
+        return tuple(
+            f"configuration {self.name}: {field} {','.join(getattr(self, field))} are left-handed: right only for a "
+            "sensor whose own axes are" for field, info in type(self).model_fields.items()
+            if _EITHER_HAND in info.metadata and _left_handed(getattr(self, field)))
 
     def systems(self) -> dict[str, Callable[..., System]]:
         """Module name to the function that makes the module's System from this configuration.

@@ -6,7 +6,7 @@ from pydantic import AfterValidator, Field
 
 from strapdown.algorithms import attitude, flight
 from strapdown.algorithms.flight import Parameters
-from strapdown.config import Axes, Config, Gain, Names, Positive
+from strapdown.config import Axes, Config, Gain, Names, Positive, RightHandedAxes
 from strapdown.kernel.system import System, matrix, vector
 
 __all__ = ["FLIGHT", "FLIGHT_6AXIS", "FlightConfig", "ins_flight"]
@@ -22,8 +22,10 @@ class FlightConfig(Config):
 
     frame: Literal["NWU", "ENU", "NED"] = Field(default="NWU", description="navigation frame")
     magnetometer: bool = Field(default=True, description="whether there is a magnetometer: 9 axes, else 6")
-    accelerometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
-    gyro_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
+    accelerometer_axes: RightHandedAxes = Field(
+        default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
+    gyro_axes: RightHandedAxes = Field(
+        default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
     magnetometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
     period_input: bool = Field(default=False, description="whether the period of each sample is an input")
     mag_valid_input: bool = Field(default=False, description="whether an input says which field samples are valid")
