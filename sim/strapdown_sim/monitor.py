@@ -2,15 +2,17 @@
 
 import csv
 import errno
+import io
 import os
 import select
 from collections import deque
-from contextlib import closing
+from contextlib import closing, suppress
 from itertools import chain
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from strapdown.files import written_together
 from strapdown.link import NAVIGATION, Frame, FrameDecoder
 
 __all__ = ["Curves", "MonitorError", "monitor", "read_port"]
@@ -151,7 +153,7 @@ def monitor(chunks, output, *, plot=None, live=False):
     chunks : generator of bytes
         From ``read_port``.
     output : Path
-        CSV file: one row per frame, with numbers that read back to the same bits.
+        CSV file: one row per frame, with numbers that read back to the same bits. The first frame creates it.
     plot : Path or None
         PNG file to draw at the end.
     live : bool
@@ -162,23 +164,18 @@ def monitor(chunks, output, *, plot=None, live=False):
     FrameDecoder
         With its counts.
 
-    Raises: MonitorError; OSError if the output cannot be written.
+    Raises: MonitorError, also if the bytes held no frame, and then nothing is written; OSError if the output cannot
+    be written. The file has whole rows only, whatever happens.
     """
     with closing(chunks):
         # Port and display are opened before a file is overwritten.
         window = _Window() if live else None
         first = next(chunks, b"")
-        output.parent.mkdir(parents=True, exist_ok=True)
         decoder = FrameDecoder()
         frames: deque[Frame] = deque(maxlen=None if plot else WINDOW)
-        with output.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(HEADER)
-
+        with _Rows(output) as rows:
             def keep(new):
-                # str of a NumPy number is the shortest decimal that reads back to the same bits.
-                writer.writerows((frame.number, frame.status, *map(str, frame.values)) for frame in new)
-                file.flush()
+                rows.append(new)
                 frames.extend(new)
 
             try:
@@ -191,13 +188,59 @@ def monitor(chunks, output, *, plot=None, live=False):
             finally:
                 # Frames that arrived before a port failed are kept.
                 keep(decoder.finish())
-                if plot:
+                if plot and frames:
                     _picture(plot, frames)
+    if not decoder.frames:
+        raise MonitorError(f"no frame was found in {decoder.skipped_bytes} bytes: are they of SINS_uart, at this baud "
+                           "rate?")
     return decoder
+
+
+class _Rows:
+    """A CSV file that the first frames create: a context manager that closes it.
+
+    A row that cannot be written whole is not there at all.
+    """
+
+    def __init__(self, path):
+        self._path, self._file, self._size = path, None, 0
+
+    def __enter__(self):
+        return self
+
+    def append(self, frames):
+        """Write a row for each frame, at once. Raises: OSError."""
+        if not frames:
+            return
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        if self._file is None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("wb", buffering=0)
+            writer.writerow(HEADER)
+        # str of a NumPy number is the shortest decimal that reads back to the same bits.
+        writer.writerows((frame.number, frame.status, *map(str, frame.values)) for frame in frames)
+        data, sent = text.getvalue().encode(), 0
+        try:
+            while sent < len(data):
+                sent += self._file.write(data[sent:])
+        except OSError:
+            sent = data.rfind(b"\n", 0, sent) + 1
+            # A terminal or a pipe has no end to cut.
+            with suppress(OSError):
+                self._file.truncate(self._size + sent)
+                self._file.seek(0, os.SEEK_END)
+            raise
+        finally:
+            self._size += sent
+
+    def __exit__(self, *error):
+        if self._file is not None:
+            self._file.close()
 
 
 def _picture(path, frames):
     figure = Figure(figsize=(10, 7), dpi=100, layout="constrained")
     Curves(figure).show(frames)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    FigureCanvasAgg(figure).print_png(path)
+    with written_together(path.parent) as folder:
+        FigureCanvasAgg(figure).print_png(folder / path.name)

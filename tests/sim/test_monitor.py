@@ -4,6 +4,7 @@ import binascii
 import csv
 import errno
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -166,11 +167,47 @@ def test_terminal_that_is_gone_keeps_what_came(frames, numbers, tmp_path, monkey
     assert_table(tmp_path / "nav.csv", [0], numbers)
 
 
+def test_bytes_without_a_frame_are_an_error(tmp_path, monkeypatch):
+    """A file of before stays, and no empty one is made."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "line.bin").write_bytes(np.random.default_rng(2).bytes(5000))
+    (tmp_path / "nav.csv").write_text("of before")
+    for output in "nav.csv", "other.csv":
+        result = CliRunner().invoke(main, ["monitor", "line.bin", "--output", output, "--plot", "nav.png"])
+        assert result.exit_code == 2
+        assert result.output == \
+            "strapdown: no frame was found in 5000 bytes: are they of SINS_uart, at this baud rate?\n"
+    assert {path.name for path in tmp_path.iterdir()} == {"line.bin", "nav.csv"}
+    assert (tmp_path / "nav.csv").read_text() == "of before"
+
+
+def test_a_full_disk_leaves_whole_rows(frames, numbers, tmp_path):
+    """Files may grow to 1,500 bytes: the rows before are there, in every bit."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1500, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            monitor((data for data in frames), tmp_path / "nav.csv")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    text = (tmp_path / "nav.csv").read_text()
+    assert 1200 < len(text) <= 1500
+    assert text.endswith("\n")
+    assert_table(tmp_path / "nav.csv", range(text.count("\n") - 1), numbers)
+
+
+def test_a_full_device_is_one_line(frames, tmp_path):
+    (tmp_path / "line.bin").write_bytes(frames[0])
+    result = CliRunner().invoke(main, ["monitor", str(tmp_path / "line.bin"), "--output", "/dev/full"])
+    assert result.exit_code == 2
+    assert result.stderr == "strapdown: cannot write to /dev/full: No space left on device\n"
+
+
 @pytest.mark.parametrize(("arguments", "message"), [
     (["absent.bin"], "cannot open absent.bin: No such file or directory"),
     (["."], "cannot read .: Is a directory"),
     (["line.bin", "--output", "line.bin"], "--output would overwrite line.bin, which is read"),
-    (["line.bin", "--output", "line.bin/nav.csv"], "cannot write line.bin"),
+    (["line.bin", "--output", "line.bin/nav.csv"], "cannot write to line.bin/nav.csv: "),
     (["line.bin", "--live"], "--live needs a display, and there is none"),
 ])
 def test_errors_are_one_line_and_write_nothing(frames, tmp_path, monkeypatch, arguments, message):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .common import UserError
+from .common import UserError, writing
 
 __all__ = ["monitor"]
 
@@ -29,10 +29,9 @@ def monitor(port, baud_rate, output, plot, live):
     if output.exists() and Path(port).exists() and output.samefile(port):
         raise UserError(f"--output would overwrite {port}, which is read")
     try:
-        counts = run(read_port(port, baud_rate), output, plot=plot, live=live)
+        with writing(output, *filter(None, [plot])):
+            counts = run(read_port(port, baud_rate), output, plot=plot, live=live)
     except MonitorError as error:
         raise UserError(str(error)) from None
-    except OSError as error:
-        raise UserError(f"cannot write {error.filename or output}: {error.strerror}") from None
     click.echo(f"{output}  {counts.frames} frames, {counts.lost} lost, {counts.crc_errors} CRC errors, "
                f"{counts.restarts} restarts, {counts.skipped_bytes} bytes skipped")
