@@ -15,9 +15,9 @@ _HARDWARE, _REFERENCE, _DEVICE, _GRID = "#10243e", "#8fc1ea", "#e0a458", "#e4e4e
 _ENVELOPE_POINTS = 600
 
 
-def attitude_picture(path, *, title, time_s, hardware, reference_model, device=None,
-                     labels=("hardware", "float64 reference", "device's own estimate")):
-    """Draw three angles over time and, below them, hardware against the reference model.
+def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation, device=None,
+                     labels=("hardware", "float64 reference", "the device's own estimate")):
+    """Draw three Euler angles over time and, below them, hardware against the reference model.
 
     Parameters
     ----------
@@ -29,6 +29,8 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
         Time, seconds.
     hardware, reference_model : ndarray, shape (N, 3)
         Roll, pitch and yaw, degrees.
+    rotation : ndarray, shape (N,)
+        Angle of the rotation from the reference model's attitude to the hardware's, degrees.
     device : ndarray, shape (N, 3), optional
         A third estimate of the same angles; NaN where it has no value.
     labels : sequence of str
@@ -36,8 +38,10 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
 
     Notes
     -----
-    The magnitude of the difference is drawn on a logarithmic scale, as the largest value in each of at
-    most 600 equal groups of samples. Jumps by a full turn are neither drawn nor counted.
+    The size of the difference is drawn on a logarithmic scale, as the largest value in each of at
+    most 600 equal groups of samples: that of the rotation, which is the error of the attitude, and those of the Euler
+    angles. Near ±90° pitch, roll and yaw turn about almost the same axis, and each may be far off where the attitude
+    is right. Jumps by a full turn are neither drawn nor counted.
     """
     time_s, hardware, reference_model = (np.asarray(a, float) for a in (time_s, hardware, reference_model))
     figure = Figure(figsize=(9.0, 8.4), dpi=150, layout="constrained")
@@ -57,11 +61,13 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, device=N
     for k, angle in enumerate(_ANGLES):
         size = np.abs(angle_difference(hardware[:, k], reference_model[:, k]))
         difference.plot(*_envelope(time_s, size), color=_ANGLE_COLOURS[k], linewidth=0.9, label=angle)
+    difference.plot(*_envelope(time_s, np.asarray(rotation, float)), color=_HARDWARE, linewidth=1.6,
+                    label="rotation angle")
     difference.set_yscale("log", nonpositive="mask")
     difference.set_ylabel("|difference| (°)")
     difference.set_xlabel("time (s)")
-    difference.legend(loc="lower right", ncols=3, frameon=False, fontsize="small", title_fontsize="small",
-                      title=f"{labels[0]} against {labels[1]}")
+    difference.legend(loc="lower right", ncols=4, frameon=False, fontsize="small", title_fontsize="small",
+                      title=f"{labels[0]} against {labels[1]}; where pitch is near 90°, roll and yaw tell little")
 
     for axes in (*panels, difference):
         axes.grid(color=_GRID, linewidth=0.6)

@@ -3,7 +3,8 @@
 import csv
 import json
 import os
-from collections.abc import Callable
+import shlex
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +13,10 @@ import numpy as np
 from strapdown.config import Config, ConfigError
 from strapdown.cores import main_module, make_core, system_of
 from strapdown.export import write_core
+from strapdown.files import written_together
 
 from .drivers.core import CoreModel
+from .drivers.toolchain import compiler, verilator_root
 from .errors import (
     angle_difference,
     attitude_errors,
@@ -56,8 +59,8 @@ class Replay:
 
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
-           command: str, progress: Callable[[str, int, int], object] | None = None) -> Replay:
-    """Run a recording through the main module of a configuration in Verilator, from reset, and write what came out.
+           command: Sequence[str], progress: Callable[[str, int, int], object] | None = None) -> Replay:
+    """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
     The core is generated for the recording's sample rate. Its inputs ``a`` (m/s^2), ``m`` (uT) and ``g``
     (deg/s), by the kernel's names, are the recording's; ``constant_inputs`` of the configuration gives all others.
@@ -66,6 +69,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     - of a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
       sensor to earth; pitch, roll, yaw in degrees) and ``attitude.png``;
     - of any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``.
+
+    The files take their places when all are written. If the replay fails or is interrupted, the folder is as before.
 
     Parameters
     ----------
@@ -76,8 +81,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         Folder to write to.
     build : Path
         Folder for compiled models.
-    command : str
-        Command line that makes the Verilog again, but for module and sample rate.
+    command : sequence of str
+        Words of the command line that makes the Verilog again, without module and sample rate; empty if there is none.
     progress : callable or None
         ``progress(stage, done, total)``, now and then; stages are "build", "simulate", "compare".
 
@@ -85,11 +90,14 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     -------
     Replay
 
-    Raises: ConfigError for a configuration of several channels, or with inputs that a recording does not have.
+    Raises: SimulatorMissingError without g++ or Verilator, and ConfigError for a configuration of several channels,
+    or with inputs that a recording does not have, before anything is made; ToolError if g++ or Verilator fails;
+    OSError if files cannot be written.
     """
+    compiler()
+    verilator_root()
     progress = progress or (lambda stage, done, total: None)
     count = len(recording.time_s)
-    directory = Path(directory)
 
     progress("build", 0, 1)
     config = config.replace(sample_rate_hz=recording.sample_rate_hz)
@@ -104,37 +112,57 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         raise ConfigError(f"{module} has an input {unknown[0]!r}, and a recording has only a, m and g: give it a value "
                           f"in constant_inputs of {type(config).__name__}")
     core = make_core(module, config)
-    verilog = write_core(core, config, directory,
-                         f"{command} --module {module} --set sample_rate_hz={recording.sample_rate_hz!r}")
-    model = CoreModel(core, verilog, build)
-    progress("build", 1, 1)
+    if command:
+        command = [*command, "--module", module, "--set", f"sample_rate_hz={recording.sample_rate_hz!r}"]
+    with written_together(Path(directory)) as partial:
+        model = CoreModel(core, write_core(core, config, partial, shlex.join(command)), build)
+        progress("build", 1, 1)
 
-    inputs = system.bind(**{name: vectors[name] for name in system.inputs})
-    result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
+        inputs = system.bind(**{name: vectors[name] for name in system.inputs})
+        result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
 
-    progress("compare", 0, 2)
-    outputs, differing = system.read(result), model.differing_bits(inputs, result)
-    progress("compare", 1, 2)
-    refused = core.engine.status_names.index("refused") if system.status_port else None
-    summary = {
-        "recording": recording.name,
-        "config": config.name,
-        "samples": count,
-        "sample_rate_hz": recording.sample_rate_hz,
-        "cycles_per_update": core.latency,
-        "microseconds_per_update_at_100_mhz": core.latency / 100,
-        "refused_updates": 0 if refused is None else int(((result[system.status_port] >> refused) & 1).sum()),
-        "bits_differing_from_twin": differing,
-    }
-    title = f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz"
-    if module in REFERENCES:
-        found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
-            recording.accel, mag, recording.gyro_deg_s), directory, title, summary)
-    else:
-        found = _outputs(recording, system, result, system.run_float64(inputs)[0], directory, title, summary)
-    (directory / "summary.json").write_text(json.dumps(found.summary, indent=2) + "\n", encoding="utf-8")
+        progress("compare", 0, 2)
+        outputs, differing = system.read(result), model.differing_bits(inputs, result)
+        progress("compare", 1, 2)
+        status = _status_counts(core.engine, result)
+        summary = {
+            "recording": recording.name,
+            "config": config.name,
+            "samples": count,
+            "sample_rate_hz": recording.sample_rate_hz,
+            "cycles_per_update": core.latency,
+            "microseconds_per_update_at_100_mhz": core.latency / 100,
+            "refused_updates": status.get("refused", 0),
+            "updates_by_status": status,
+            "bits_differing_from_twin": differing,
+        }
+        title = f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz"
+        if module in REFERENCES:
+            found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
+                recording.accel, mag, recording.gyro_deg_s), partial, title, summary)
+        else:
+            found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
+        (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
+                                              encoding="utf-8")
     progress("compare", 2, 2)
     return found
+
+
+def _status_counts(engine, result):
+    """Status bit of an engine to the number of updates that had it, in the order of the port."""
+    if not engine.system.status_port:
+        return {}
+    status = result[engine.system.status_port]
+    return {name: int((status >> bit & 1).sum()) for bit, name in enumerate(engine.status_names)}
+
+
+def _spread(errors):
+    """Largest and RMS of errors that are finite, as JSON values, None if none is; and how many are not finite."""
+    finite = errors[np.isfinite(errors)]
+    spread: dict = {"max": float(finite.max()), "rms": rms(finite)} if finite.size else {"max": None, "rms": None}
+    if finite.size < errors.size:
+        spread["not_finite"] = int(errors.size - finite.size)
+    return spread
 
 
 def _attitude(recording, config, outputs, truth, directory, title, summary):
@@ -146,7 +174,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
     summary |= {
         "frame": config.frame,
         "quaternion": "sensor to earth, scalar first",
-        "against_float64_reference_deg": {"max": float(difference.max()), "rms": rms(difference)},
+        "against_float64_reference_deg": _spread(difference),
     }
     device = np.full_like(angles, np.nan)
     if recording.reference is not None:
@@ -154,10 +182,11 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         match = match_reference(recording, multiply(conjugate(to_frame), quaternion))
         errors = attitude_errors(match.q_est, match.q_ref)
         summary["against_recorded_reference_deg"] = {
+            "reference": recording.reference.meaning,
             "samples": len(match.sample),
             "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
-            **{f"{name}_rms": rms(getattr(errors, name)) for name in errors._fields},
-            "total_median": float(np.median(errors.total))}
+            **{f"{name}_rms": _spread(getattr(errors, name))["rms"] for name in errors._fields},
+            "total_median": float(np.median(errors.total)) if len(match.sample) else None}
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
 
@@ -166,9 +195,9 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
     _write_csv(directory / "attitude.csv", recording.time_s, columns)
     attitude_picture(
         directory / "attitude.png", title=title, time_s=recording.time_s, hardware=angles,
-        reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1),
+        reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1), rotation=difference,
         device=None if recording.reference is None else device,
-        labels=("hardware", "float64 reference", "recorded reference"))
+        labels=("hardware", "float64 reference", recording.reference.meaning if recording.reference else ""))
     return Replay(outputs, summary, quaternion, angles)
 
 
@@ -178,7 +207,7 @@ def _outputs(recording, system, result, truth, directory, title, summary):
     differences = {port: np.abs(angle_difference(result[port], truth[port]) if turns[port]
                                 else result[port] - truth[port]) for port in system.output_ports}
     summary["against_float64_kernel"] = {
-        port: {"max": float(difference.max()), "rms": rms(difference)} for port, difference in differences.items()}
+        port: _spread(difference) for port, difference in differences.items()}
     _write_csv(directory / "outputs.csv", recording.time_s,
                {port.removeprefix("out_"): (result[port], 9) for port in system.output_ports})
     outputs_picture(

@@ -106,7 +106,7 @@ def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path):
 def test_recordings(shared_recordings, models, tmp_path, recording, config, total, inclination):
     """Requirements: at most 0.01° from the float64 reference, 3° from the truth; flight 17 within 4.5°."""
     data = read_recording(shared_recordings / f"{recording}.npz")
-    summary = replay(data, config, tmp_path, build=models, command="").summary
+    summary = replay(data, config, tmp_path, build=models, command=()).summary
     assert summary["bits_differing_from_twin"] == 0
     assert summary["refused_updates"] == 0
     assert summary["against_float64_reference_deg"]["max"] <= 0.01

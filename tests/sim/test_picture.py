@@ -8,7 +8,8 @@ ANGLES = np.stack([30 * np.sin(TIME), 20 * np.cos(TIME), (100 * TIME) % 360], ax
 
 
 def draw(path, **changes):
-    attitude_picture(path, **{"title": "turn", "time_s": TIME, "hardware": ANGLES, "reference_model": ANGLES + 1e-4}
+    attitude_picture(path, **{"title": "turn", "time_s": TIME, "hardware": ANGLES, "reference_model": ANGLES + 1e-4,
+                              "rotation": np.full(len(TIME), 2e-4)}
                      | changes)
     return path
 
@@ -30,3 +31,8 @@ def test_other_data_give_another_picture(tmp_path):
 
 def test_exact_agreement_can_be_drawn(tmp_path):
     assert draw(tmp_path / "a.png", reference_model=ANGLES).exists()
+
+
+def test_the_rotation_angle_is_drawn(tmp_path):
+    """The figure of the tables has a line of its own: Euler angles say something else near the pole."""
+    assert draw(tmp_path / "a.png").read_bytes() != draw(tmp_path / "b.png", rotation=np.ones(len(TIME))).read_bytes()

@@ -17,7 +17,7 @@ LARGEST_DEG = 0.01
 
 
 def check(recording, folder, models):
-    result = replay(recording, MAHONY, folder, build=models, command="")
+    result = replay(recording, MAHONY, folder, build=models, command=())
     summary = result.summary
     assert summary["samples"] == len(recording.time_s) == len(result.quaternion)
     assert summary["bits_differing_from_twin"] == 0

@@ -34,6 +34,8 @@ class Reference:
         Earth frame, "ENU" or "NWU".
     heading_known : bool
         False if its heading has an unknown constant.
+    meaning : str
+        What it is, for reports: the estimate of another filter is no truth.
     """
 
     time_s: np.ndarray
@@ -41,6 +43,7 @@ class Reference:
     valid: np.ndarray
     frame: str
     heading_known: bool
+    meaning: str = "recorded reference"
 
 
 @dataclass(frozen=True, eq=False)

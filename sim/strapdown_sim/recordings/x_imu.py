@@ -69,7 +69,7 @@ def _x_imu_reference(table, path, rate):
     # The device gives earth relative to sensor, and a heading relative to its start.
     quaternion, valid = unit_quaternions(device[_QUATERNION][inside] * (1, -1, -1, -1))
     return Reference(time_s=sample / rate, quaternion=quaternion, valid=valid,
-                     frame="NWU", heading_known=False)
+                     frame="NWU", heading_known=False, meaning="the device's own estimate")
 
 
 def _check_packets(table, largest):
