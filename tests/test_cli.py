@@ -1,6 +1,8 @@
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +49,11 @@ def test_generate_writes_verilog_and_json(tmp_path):
                                      "not '-1'"),
     (["generate", "--set", "kp"], "strapdown: --set takes FIELD=VALUE, as in --set kp=1, not 'kp'"),
     (["generate", "--set", "name=x"], "strapdown: the fields name and pool cannot be changed by --set"),
+    (["generate", "--set", "description=x\nwire live;"],
+     "strapdown: configuration thesis: description must be one line without control characters, "
+     "not 'x\\nwire live;'\n"),
+    (["generate", "--set", "description=a\u2028b"],
+     "strapdown: configuration thesis: description must be one line without control characters, not 'a\\u2028b'\n"),
     (["generate", "--config", "thesiss"], "strapdown: no configuration is called 'thesiss': choose from thesis, "),
     (["generate", "INS_topp"], "strapdown: no module or configuration is called 'INS_topp': 'strapdown list' shows"),
     (["generate", "mahony", "--config", "thesis"], "strapdown: mahony names a configuration already: leave --config"),
@@ -67,6 +74,20 @@ def test_user_errors_are_one_line_and_status_2(arguments, message):
     assert result.exit_code == 2
     assert result.stderr.startswith(message)
     assert result.stderr.count("\n") == 1
+
+
+def test_the_command_line_in_the_files_can_be_pasted(tmp_path, monkeypatch):
+    """Into a shell, whatever the words hold; it makes the same bytes."""
+    description = "it's \"quoted\"; $(false) `false` * Höhe 😀"
+    monkeypatch.chdir(tmp_path)
+    assert run("generate", "INS_matx", "--set", f"description={description}", "--output", "first").exit_code == 0
+    facts = json.loads((tmp_path / "first" / "INS_matx.json").read_text())
+    assert facts["configuration"]["description"] == description
+    subprocess.run(["sh", "-c", facts["command_line"]], check=True, stdout=subprocess.DEVNULL,
+                   env=os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"})
+    for name in "INS_matx.v", "INS_matx.json":
+        again = tmp_path / "build" / "verilog" / "thesis" / name
+        assert again.read_bytes() == (tmp_path / "first" / name).read_bytes()
 
 
 def test_a_module_needs_no_configuration_if_its_name_tells(tmp_path):

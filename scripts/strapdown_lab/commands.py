@@ -7,8 +7,10 @@ from pathlib import Path
 import click
 
 from strapdown.cli import UserError
+from strapdown.cli.common import writing
 from strapdown.cli.progress import progress_bars
 from strapdown.cores import CONFIGS
+from strapdown.files import written_together
 from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.recordings import RecordingError
@@ -67,16 +69,13 @@ def report(operators, cores, only, config_names, place, output, build):
                     reports[kind] = {**source, kind: rows}
     except (SimulatorMissingError, ToolMissingError) as error:
         raise UserError(str(error)) from None
-    try:
-        output.mkdir(parents=True, exist_ok=True)
+    with writing(output), written_together(output) as folder:
         if "cores" in reports:
-            write_cores(output, reports["cores"])
+            write_cores(folder, reports["cores"])
         if "operators" in reports:
-            write_operators(output, reports["operators"])
-        path = write_page(output, **reports)
-    except OSError as error:
-        raise UserError(f"cannot write to {output}: {error.strerror}") from None
-    click.echo(path)
+            write_operators(folder, reports["operators"])
+        path = write_page(folder, **reports)
+    click.echo(output / path.name)
 
 
 @click.command()
@@ -100,7 +99,6 @@ def accuracy(recordings, output):
             raise UserError(f"the package {error.name} is not installed: 'make accuracy' installs it") from None
     if not result["recordings"]:
         raise UserError(f"{recordings} has no .npz recording with a reference orientation")
-    try:
-        click.echo(write_accuracy(result, output))
-    except OSError as error:
-        raise UserError(f"cannot write to {output}: {error.strerror}") from None
+    with writing(output), written_together(output) as folder:
+        path = write_accuracy(result, folder)
+    click.echo(output / path.name)

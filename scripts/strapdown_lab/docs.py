@@ -52,8 +52,8 @@ def demo_block(summary):
     """Table of what a replay's summary says."""
     difference = summary["against_float64_reference_deg"]
     return markdown_table(
-        ["samples:", "cycles per update:", "µs at 100 MHz:", "largest difference from float64:", "RMS difference:",
-         "bits that differ from the twin:"],
+        ["samples:", "cycles per update:", "µs at 100 MHz:", "largest rotation angle to float64:",
+         "RMS rotation angle:", "bits that differ from the twin:"],
         [[f"{summary['samples']:,}", summary["cycles_per_update"],
           f"{summary['microseconds_per_update_at_100_mhz']:.2f}", f"{difference['max']:.6f}°",
           f"{difference['rms']:.6f}°", summary["bits_differing_from_twin"]]])

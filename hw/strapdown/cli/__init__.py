@@ -1,5 +1,6 @@
 """The command line: one file for each group of commands."""
 
+import errno
 import io
 import sys
 from importlib.metadata import entry_points
@@ -7,9 +8,10 @@ from importlib.metadata import entry_points
 import click
 
 from strapdown import __version__
+from strapdown.export.backend import BackendError
 
 from .catalogue import list_configurations
-from .common import UserError
+from .common import InterruptedByUserError, UserError
 from .design import design
 from .explain import explain, schedule
 from .generate import generate, link, operators
@@ -39,6 +41,21 @@ class Commands(click.Group):
         if name in LAB_COMMANDS:
             raise UserError(f"'{name}' needs a checkout of the project: there, 'make setup' installs it")
         return None
+
+    def invoke(self, context):
+        """Run a command; Ctrl-C and what the operating system refuses end in one line."""
+        try:
+            return super().invoke(context)
+        except KeyboardInterrupt:
+            raise InterruptedByUserError from None
+        except OSError as error:
+            if error.errno == errno.EPIPE:
+                # The reader of the output has seen enough: click ends in silence.
+                raise
+            place = f"{error.filename}: " if error.filename else ""
+            raise UserError(f"{place}{error.strerror or error}") from None
+        except BackendError as error:
+            raise UserError(str(error)) from None
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})

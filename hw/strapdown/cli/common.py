@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shlex
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,8 @@ import click
 from strapdown.config import Config, ConfigError
 from strapdown.cores import CONFIGS, main_module, make_core, modules_of
 
-__all__ = ["UserError", "changed", "config_options", "core_of", "named_configuration", "target_of", "writing"]
+__all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "named_configuration",
+           "target_of", "writing"]
 
 DEFAULT = "thesis"
 
@@ -25,13 +27,30 @@ class UserError(click.ClickException):
         click.echo(f"strapdown: {self.format_message()}", err=True)
 
 
+class InterruptedByUserError(UserError):
+    """Ctrl-C: one line, and the exit status that shells give."""
+
+    exit_code = 130
+
+    def __init__(self):
+        super().__init__("interrupted")
+
+
 @contextmanager
-def writing(path):
-    """Context manager: a file that cannot be written ends in a UserError that names ``path``."""
+def writing(*places):
+    """Context manager: a file that cannot be written ends in a UserError that names its place.
+
+    Parameters
+    ----------
+    *places : Path
+        Files or folders that are written: the one that the system's error names, else the first.
+    """
     try:
         yield
     except OSError as error:
-        raise UserError(f"cannot write to {path}: {error.strerror}") from None
+        failed = Path(error.filename or places[0]).absolute()
+        named = [place for place in places if failed.is_relative_to(place.absolute())]
+        raise UserError(f"cannot write to {[*named, *places][0]}: {error.strerror or error}") from None
 
 
 def config_options(function):
@@ -84,7 +103,7 @@ def _module_of(path):
 
 
 def changed(config, changes):
-    """The configuration with the ``FIELD=VALUE`` of ``--set`` applied. Raises: UserError."""
+    """The configuration with the ``FIELD=VALUE`` of ``--set`` applied; its warnings are shown. Raises: UserError."""
     fields = {}
     for change in changes:
         field, separator, value = change.partition("=")
@@ -94,9 +113,12 @@ def changed(config, changes):
     if "name" in fields or "pool" in fields:
         raise UserError("the fields name and pool cannot be changed by --set")
     try:
-        return config.replace(**fields)
+        config = config.replace(**fields)
     except ConfigError as error:
         raise UserError(str(error)) from None
+    for warning in config.warnings:
+        click.echo(f"strapdown: warning: {warning}", err=True)
+    return config
 
 
 def target_of(target, config_name, changes, modules=()):
@@ -118,8 +140,8 @@ def target_of(target, config_name, changes, modules=()):
     config : Config
     modules : tuple of str
         Modules that were asked for; empty if none was.
-    options : str
-        Options that name the configuration on a command line.
+    options : tuple of str
+        Words that name the configuration on a command line.
 
     Raises: UserError.
     """
@@ -135,11 +157,22 @@ def target_of(target, config_name, changes, modules=()):
     if config_name is None:
         config_name = _first_with(modules)
     config = changed(named_configuration(config_name), changes)
-    # Files that are written tell how to make them again, but not where on this machine.
-    config_name = Path(config_name).name
     if missing := [module for module in modules if module not in modules_of(config)]:
         raise UserError(f"configuration {config.name} has {', '.join(modules_of(config))}, not {missing[0]}")
-    return config, tuple(modules), " ".join([f"--config {config_name}", *(f"--set {change}" for change in changes)])
+    return config, tuple(modules), configured(config_name, changes)
+
+
+def configured(config_name, changes):
+    """The words of a command line that name a configuration and its changes.
+
+    Files that are written tell how to make them again, but not where on this machine.
+    """
+    return ("--config", Path(config_name).name, *(word for change in changes for word in ("--set", change)))
+
+
+def command_line(*words):
+    """A command of this program as one line, quoted for a shell."""
+    return shlex.join(["strapdown", *map(str, words)])
 
 
 def _first_with(modules):

@@ -7,6 +7,7 @@ import click
 
 from strapdown.design import METHODS, smallest_order
 from strapdown.design.picture import error_picture
+from strapdown.files import written_together
 
 from .common import UserError, writing
 
@@ -56,7 +57,6 @@ def design_quaternion(rate_max_deg_s, period_s, order, wanted_deg_h, method, out
         angle, norm = chosen.rounded(dtype).worst()
         click.echo(f"  {name:<14}{angle:>20.3g}{math.degrees(angle) / period_s * 3600:>15.3g}{norm:>18.3g}")
     others = [METHODS[name](chosen.order, largest_angle) for name in METHODS if name != method]
-    with writing(output):
-        output.parent.mkdir(parents=True, exist_ok=True)
-        error_picture(output, [chosen, *others], period_s=period_s, highlighted=chosen)
+    with writing(output), written_together(output.parent) as folder:
+        error_picture(folder / output.name, [chosen, *others], period_s=period_s, highlighted=chosen)
     click.echo(str(output))

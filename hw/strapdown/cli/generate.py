@@ -9,7 +9,17 @@ from strapdown.cores import SINS, modules_of, uart_core
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.export import write, write_core
 
-from .common import UserError, changed, config_options, core_of, named_configuration, target_of, writing
+from .common import (
+    UserError,
+    changed,
+    command_line,
+    config_options,
+    configured,
+    core_of,
+    named_configuration,
+    target_of,
+    writing,
+)
 
 __all__ = ["generate", "link", "operators"]
 
@@ -33,7 +43,7 @@ def generate(target, config_name, changes, modules, output):
     for name in modules or modules_of(config):
         core = core_of(config, name)
         with writing(directory):
-            path = write_core(core, config, directory, f"strapdown generate {options} --module {name}")
+            path = write_core(core, config, directory, command_line("generate", *options, "--module", name))
         click.echo(f"{path}  {core.latency} cycles")
 
 
@@ -58,9 +68,9 @@ def operators(directory, latencies):
         raise UserError(str(error)) from None
     for vendor in made:
         name, latency = vendor.kind.name, vendor.latency
-        option = "" if latency == vendor.kind.latency else f" --latency {name}={latency}"
+        option = () if latency == vendor.kind.latency else ("--latency", f"{name}={latency}")
         with writing(directory):
-            path = write(vendor, directory, command=f"strapdown operators DIRECTORY{option}")
+            path = write(vendor, directory, command=command_line("operators", "DIRECTORY", *option))
         click.echo(f"{path}  {latency} cycles")
 
 
@@ -81,8 +91,8 @@ def link(directory, config_name, changes, clock_hz, baud_rate):
         linked = uart_core(config, clock_hz=clock_hz, baud_rate=baud_rate)
     except ValueError as error:
         raise UserError(str(error)) from None
-    options = "".join(f" --set {change}" for change in changes)
-    command = f"strapdown link DIRECTORY --config {config_name}{options} --clock-hz {clock_hz:.15g} --baud {baud_rate}"
+    command = command_line("link", "DIRECTORY", *configured(config_name, changes),
+                           "--clock-hz", f"{clock_hz:.15g}", "--baud", baud_rate)
     with writing(directory):
         path = write(linked, directory, command=command, config=config)
     click.echo(f"{path}  {linked.latency} cycles, frame {1000 * linked.component.sender.interval / clock_hz:.3g} ms")

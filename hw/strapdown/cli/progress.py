@@ -4,9 +4,13 @@ __all__ = ["progress_bars"]
 
 
 def progress_bars():
-    """A rich ``Progress``, a context manager: a bar has a description, a count and the time passed."""
+    """A rich ``Progress``, a context manager: a bar has a description, a count and the time passed.
+
+    Nothing is shown where standard error is no terminal, so that an error is the only line there.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    console = Console(stderr=True)
     return Progress(TextColumn("{task.description:<22}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-                    console=Console(stderr=True))
+                    console=console, disable=not console.is_terminal)

@@ -28,7 +28,7 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
     docs/recordings.md. The core is generated for the recording's sample rate. It is INS_top, INS_flight, or one of
     your own whose inputs are called a (specific force), m (magnetic field) and g (angular rate) in its kernel.
     """
-    from strapdown_sim.drivers.toolchain import SimulatorMissingError
+    from strapdown_sim.drivers.toolchain import SimulatorMissingError, ToolError
     from strapdown_sim.recordings import RecordingError, read_recording
     from strapdown_sim.replay import replay as run
 
@@ -47,37 +47,49 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
             bars.update(tasks[stage], completed=done)
 
         try:
-            with writing(output):
+            with writing(output, build):
                 result = run(data, config, output, build=build, progress=progress,
-                             command=f"strapdown generate {options}")
+                             command=("strapdown", "generate", *options))
         except (SimulatorMissingError, ConfigError) as error:
             raise UserError(str(error)) from None
+        except ToolError as error:
+            raise UserError(error.line) from None
     _print_summary(result.summary, output)
+    if result.summary["refused_updates"] == result.summary["samples"]:
+        raise UserError("all updates were refused: numbers are not finite, or too large for the core's format, so "
+                        "the outputs are those after reset")
 
 
 def _print_summary(summary, output):
     """The short table at the end of a replay."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    table.add_row("recording", f"{summary['recording']}, {summary['sample_rate_hz']:g} Hz")
-    table.add_row("configuration", summary["config"])
-    table.add_row("samples", f"{summary['samples']:,}")
-    table.add_row("cycles per update", str(summary["cycles_per_update"]))
-    table.add_row("microseconds at 100 MHz", f"{summary['microseconds_per_update_at_100_mhz']:.2f}")
+    rows = [("recording", f"{summary['recording']}, {summary['sample_rate_hz']:g} Hz"),
+            ("configuration", summary["config"]),
+            ("samples", f"{summary['samples']:,}"),
+            ("cycles per update", str(summary["cycles_per_update"])),
+            ("microseconds at 100 MHz", f"{summary['microseconds_per_update_at_100_mhz']:.2f}")]
     if attitude := summary.get("against_float64_reference_deg"):
-        table.add_row("largest difference from float64", f"{attitude['max']:.6f}°")
-        table.add_row("RMS difference from float64", f"{attitude['rms']:.6f}°")
+        rows += [("largest rotation angle to float64", _figure(attitude["max"], ".6f", "°")),
+                 ("RMS rotation angle to float64", _figure(attitude["rms"], ".6f", "°"))]
     for port, difference in summary.get("against_float64_kernel", {}).items():
-        table.add_row(f"largest difference from float64, {port}", f"{difference['max']:.3g}")
-    table.add_row("bits that differ from the twin", str(summary["bits_differing_from_twin"]))
-    if summary["refused_updates"]:
-        table.add_row("refused updates", str(summary["refused_updates"]))
+        rows.append((f"largest difference from float64, {port}", _figure(difference["max"], ".3g")))
+        if unusable := difference.get("not_finite"):
+            rows.append((f"samples without a finite difference, {port}", f"{unusable:,}"))
+    rows.append(("bits that differ from the twin", str(summary["bits_differing_from_twin"])))
+    for name, count in summary["updates_by_status"].items():
+        if count:
+            rows.append((f"updates with status: {name.replace('_', ' ')}", f"{count:,}"))
     if recorded := summary.get("against_recorded_reference_deg"):
         known = "" if recorded["heading_known"] else " (heading up to a constant)"
-        table.add_row("against the recorded reference",
-                      f"RMS {recorded['total_rms']:.2f}°, inclination {recorded['inclination_rms']:.2f}°, "
-                      f"heading {recorded['heading_rms']:.2f}°{known}")
-    table.add_row("written to", str(output))
-    Console().print(table)
+        angles = ", ".join(f"{name} {_figure(recorded[key], '.2f', '°')}" for name, key in (
+            ("RMS", "total_rms"), ("inclination", "inclination_rms"), ("heading", "heading_rms")))
+        rows.append((f"rotation angle to {recorded['reference']}",
+                     f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample"))
+    rows.append(("written to", str(output)))
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        click.echo(f"{name:<{width}}  {value}")
+
+
+def _figure(value, form, unit=""):
+    """A number with its unit, or a dash where there is none."""
+    return "–" if value is None else f"{value:{form}}{unit}"

@@ -27,7 +27,7 @@ def write_cores(directory, report):
 
 def _write(path, report):
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(report, indent=1, ensure_ascii=False) + "\n")
+    path.write_text(json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def write_page(directory, *, cores=None, operators=None):
@@ -38,5 +38,5 @@ def write_page(directory, *, cores=None, operators=None):
     if operators:
         parts += ["## Operators", operator_tables(operators), flow_lines(operators)]
     path = directory / PAGE
-    path.write_text("\n\n".join(parts) + "\n")
+    path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return path

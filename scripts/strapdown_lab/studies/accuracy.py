@@ -189,7 +189,7 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
     """Write ``accuracy.json``, ``accuracy.md`` and ``accuracy.png``; returns the path of the second."""
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / "accuracy.json").write_text(json.dumps(result, indent=2) + "\n")
+    (directory / "accuracy.json").write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
     page = [
         "# Attitude error on real recordings", "",
         "RMS in degrees against the recordings' references, after the definition of the BROAD data set.",

@@ -1,0 +1,299 @@
+"""A command that fails says so in one line, with a status of its own, and leaves nothing half-written."""
+
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from amaranth.back import verilog
+from click.testing import CliRunner
+
+from strapdown.cli import main
+
+HEADER = ("Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
+          "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g),"
+          "Magnetometer X (uT),Magnetometer Y (uT),Magnetometer Z (uT)")
+LEVEL = "0,0,0,0,0,1,20,0,-40"
+COUNT = 20
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def assert_one_line(result, message, status=2):
+    assert result.exit_code == status, result.output
+    assert result.stderr == f"strapdown: {message}\n"
+
+
+class TwinModel:
+    """The twin in place of the Verilated circuit: no compiler is needed, and other tests compare the two."""
+
+    def __init__(self, core, verilog, build):
+        self.core = core
+
+    def update(self, inputs, *, progress):
+        system, engine = self.core.system, self.core.engine
+        result, _ = system.run(engine.program.schedule.pool, inputs)
+        count = len(result["refused"])
+        status = sum(np.asarray(result.get(name, np.zeros(count, bool))).astype(int) << bit
+                     for bit, name in enumerate(engine.status_names))
+        return result | {"cycles": np.full(count, self.core.latency), system.status_port: status}
+
+    def differing_bits(self, inputs, result):
+        return 0
+
+
+@pytest.fixture
+def twin(monkeypatch):
+    """Replays take the twin for the circuit, and Verilog is short."""
+    monkeypatch.setattr("strapdown_sim.replay.CoreModel", TwinModel)
+    monkeypatch.setattr("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A function that writes a recording of COUNT samples, those of some numbers changed."""
+    def write(changed=None):
+        rows = [f"{k / 100:.2f},{(changed or {}).get(k, LEVEL)}" for k in range(COUNT)]
+        path = tmp_path / "flight.csv"
+        path.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
+        return path
+    return write
+
+
+def replay(recording, folder, *options):
+    return run("replay", recording, "--config", "mahony", "--output", folder, "--build", folder.parent / "build",
+               *options)
+
+
+# What the machine lacks or refuses.
+
+def test_a_missing_compiler_is_found_out_first(recording, tmp_path, monkeypatch):
+    path = recording()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert_one_line(replay(path, tmp_path / "out"),
+                    "g++ is missing: Verilator needs a C++ compiler (Debian: apt-get install g++)")
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.csv"]
+
+
+def test_a_compiler_that_fails_is_one_line(recording, tmp_path, monkeypatch):
+    compiler = tmp_path / "bin" / "g++"
+    compiler.parent.mkdir()
+    compiler.write_text("#!/bin/sh\necho 'x.cpp: In function f' >&2\necho 'x.cpp:1: fatal error: no room' >&2\n"
+                        "exit 3\n")
+    compiler.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{compiler.parent}{os.pathsep}{os.environ['PATH']}")
+    assert_one_line(replay(recording(), tmp_path / "out"),
+                    "g++ failed with status 3: x.cpp:1: fatal error: no room")
+    assert not (tmp_path / "out").exists()
+
+
+@contextmanager
+def full_disk():
+    """Let files grow to 2 kB only."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("arguments", [
+    ["generate", "INS_matx", "--output", "out"], ["operators", "out/deep"],
+    ["schedule", "INS_atan", "--output", "out/schedule.png"],
+    ["design", "quaternion", "--rate-max", "2000", "--period", "0.002", "--output", "out/design.png"],
+    ["replay", "flight.csv", "--config", "mahony", "--output", "out"]])
+def test_a_full_disk_is_one_line_and_leaves_nothing(arguments, recording, tmp_path, monkeypatch, twin):
+    recording()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("strapdown.export.verilog.to_verilog",
+                        lambda component, name: f"module {name}();\n{'// long' * 500}\nendmodule\n")
+    with full_disk():
+        result = run(*arguments)
+    assert_one_line(result, f"cannot write to {arguments[-1]}: File too large")
+    assert [path.name for path in tmp_path.iterdir()] == ["flight.csv"]
+
+
+def test_a_yosys_that_fails_is_one_line(tmp_path, monkeypatch):
+    """As where the folder of its temporary files is full."""
+    def fail(*arguments, **options):
+        raise verilog.YosysError("Traceback:\n  many lines\nOSError: no room")
+
+    monkeypatch.setattr(verilog, "convert", fail)
+    assert_one_line(run("generate", "INS_matx", "--output", tmp_path / "out"), "Yosys failed: OSError: no room")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("arguments", [
+    ["generate", "INS_matx", "--output"], ["operators"], ["link"], ["schedule", "INS_atan", "--output"],
+    ["design", "quaternion", "--rate-max", "2000", "--period", "0.002", "--output"],
+    ["replay", "flight.csv", "--config", "mahony", "--output"]])
+def test_a_place_that_cannot_be_written_is_one_line(arguments, recording, tmp_path, monkeypatch, twin):
+    recording()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    place = "file/folder/picture.png" if arguments[0] in ("schedule", "design") else "file/folder"
+    assert_one_line(run(*arguments, place), f"cannot write to {place}: Not a directory")
+
+
+def test_what_the_system_refuses_elsewhere_is_one_line_too():
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run([sys.executable, "-m", "strapdown", "list"], stdout=full, stderr=subprocess.PIPE,
+                              text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[0] == "strapdown: No space left on device"
+    assert "Traceback" not in done.stderr
+
+
+# Ctrl-C.
+
+def test_ctrl_c_ends_in_one_line_and_leaves_the_folder_as_it_was(recording, tmp_path, monkeypatch, twin):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    path = recording()
+    assert replay(path, tmp_path / "out").exit_code == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    monkeypatch.setattr(TwinModel, "update", interrupted)
+    for folder in "out", "new":
+        assert_one_line(replay(path, tmp_path / folder, "--set", "kp=2"), "interrupted", status=130)
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert not (tmp_path / "new").exists()
+
+
+WAITING = """
+import sys
+from strapdown.cli import main
+from strapdown_sim.drivers.verilated import VerilatedModel
+
+model = sys.argv.pop(1)
+
+def __init__(self, verilog, interface, build):
+    self.interface, self._executable = interface, model
+
+VerilatedModel.__init__ = __init__
+main()
+"""
+
+
+def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
+    """A model that would run for a minute, and a signal that reaches the command only."""
+    model, started = tmp_path / "model", tmp_path / "started"
+    model.write_text(f"#!/bin/sh\necho $$ > {started}.new\nmv {started}.new {started}\nexec sleep 60\n")
+    model.chmod(0o755)
+    command = [sys.executable, "-c", WAITING, model, "replay", recording(), "--output", tmp_path / "out",
+               "--build", tmp_path / "build"]
+    with subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True,
+                          # Whoever starts the tests in the background may have Ctrl-C ignored.
+                          preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as process:
+        limit = time.monotonic() + 60
+        while not started.exists():
+            assert process.poll() is None
+            assert time.monotonic() < limit
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30)[1] == "strapdown: interrupted\n"
+    assert process.returncode == 130
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(started.read_text()), 0)
+    assert not (tmp_path / "out").exists()
+
+
+# What the samples hold.
+
+def test_several_channels_are_refused(recording, tmp_path):
+    result = run("replay", recording(), "--config", "thesis_x8", "--output", tmp_path / "out")
+    assert_one_line(result, "INS_top_x8 takes the samples of 8 sensors, and a recording has one: "
+                            "replay it with channels=1")
+    assert not (tmp_path / "out").exists()
+
+
+def test_samples_are_counted_by_the_status_of_their_update(recording, tmp_path, twin):
+    """Too large for binary32, accelerometer missing, magnetometer missing: 3, 2 and 4 of 20."""
+    path = recording({1: "1e39,0,0,0,0,1,20,0,-40", 2: "0,1e39,0,0,0,1,20,0,-40", 3: "0,0,-1e39,0,0,1,20,0,-40",
+                      5: "0,0,0,0,0,0,20,0,-40", 6: "0,0,0,0,0,0,0,0,0",
+                      7: "0,0,0,0,0,1,0,0,0", 8: "0,0,0,0,0,1,0,0,0", 9: "0,0,0,0,0,1,0,0,0"})
+    result = replay(path, tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["refused_updates"] == 3
+    assert summary["updates_by_status"] == {
+        "accelerometer_missing": 2, "magnetometer_missing": 4, "refused": 3, "ignored": 0}
+    for line in ("accelerometer missing +2", "magnetometer missing +4", "refused +3"):
+        assert re.search(rf"^updates with status: {line}$", result.stdout, re.MULTILINE)
+    assert "ignored" not in result.stdout
+
+
+def test_rejected_and_out_of_range_samples_are_counted(recording, tmp_path, twin):
+    path = recording({10: "2500,0,0,0,0,1,20,0,-40"})
+    result = run("replay", path, "--config", "flight", "--output", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    status = json.loads((tmp_path / "out" / "summary.json").read_text())["updates_by_status"]
+    assert status["range_exceeded"] == 1
+    assert "updates with status: range exceeded" in result.stdout
+    assert set(status) == {"accelerometer_missing", "magnetometer_missing", "starting", "at_rest",
+                           "magnetometer_rejected", "range_exceeded", "refused", "ignored"}
+
+
+def test_an_update_that_is_always_refused_is_an_error(recording, tmp_path, twin):
+    result = replay(recording(dict.fromkeys(range(COUNT), "1e39,0,0,0,0,1,20,0,-40")), tmp_path / "out")
+    assert_one_line(result, "all updates were refused: numbers are not finite, or too large for the core's format, so "
+                            "the outputs are those after reset")
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["refused_updates"] == COUNT
+
+
+def strict(text):
+    """A JSON text as the standard has it: without NaN and infinity."""
+    def refuse(name):
+        raise ValueError(f"{name} is not JSON")
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_a_reference_without_a_valid_sample_gives_valid_json(tmp_path, twin):
+    path = tmp_path / "flight.npz"
+    np.savez(path, t=np.arange(COUNT) / 100, fs=100.0, gyro=np.zeros((COUNT, 3)),
+             accel=np.tile((0.0, 0.0, 9.81), (COUNT, 1)), quat_ref=np.zeros((COUNT, 4)))
+    result = replay(path, tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert re.search(r"^rotation angle to recorded reference +none: it has no valid sample$", result.stdout,
+                     re.MULTILINE)
+    recorded = strict((tmp_path / "out" / "summary.json").read_text())["against_recorded_reference_deg"]
+    assert (recorded["samples"], recorded["total_rms"], recorded["total_median"]) == (0, None, None)
+
+
+# Axes.
+
+@pytest.mark.parametrize("field", ["accelerometer_axes", "gyro_axes"])
+def test_left_handed_axes_are_refused(field):
+    assert_one_line(run("explain", "flight", "--set", f"{field}=+y,+x,+z"),
+                    f"configuration flight: {field} must be right-handed, as a rotated sensor is: turn one sign round, "
+                    "or swap two axes, not '+y,+x,+z'")
+
+
+@pytest.mark.parametrize("axes", ["foo", "", "+x", "+x,+y,+z,+x"])
+def test_axes_that_are_none_are_told(axes):
+    assert_one_line(run("explain", "thesis", "--set", f"magnetometer_axes={axes}"),
+                    "configuration thesis: magnetometer_axes must name each sensor axis once, with its sign, as in "
+                    f"+y,-x,+z, not {axes!r}")
+
+
+def test_left_handed_axes_of_a_magnetometer_get_a_warning():
+    result = run("explain", "INS_mag", "--cycle", "0", "--set", "magnetometer_axes=+x,+y,-z")
+    assert result.exit_code == 0
+    assert result.stderr == ("strapdown: warning: configuration thesis: magnetometer_axes +x,+y,-z are left-handed: "
+                             "right only for a sensor whose own axes are\n")
+
+
+@pytest.mark.parametrize("axes", ["+x,+y,+z", "-x,-y,+z", "+y,+z,+x", "+y,-x,+z", "-z,+y,+x"])
+def test_turned_axes_get_none(axes):
+    """Rotations by half turns, a third of a turn and quarter turns."""
+    assert run("explain", "INS_mag", "--cycle", "0", "--set", f"magnetometer_axes={axes}").stderr == ""
