@@ -59,6 +59,16 @@ def test_files(tmp_path):
     assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_reference_without_a_valid_sample_is_none(tmp_path, monkeypatch):
+    for name, scalar in ("valid", 1.0), ("zero", 0.0):
+        np.savez(tmp_path / f"{name}.npz", t=np.arange(9) / RATE_HZ, fs=RATE_HZ, gyro=np.zeros((9, 3)),
+                 accel=np.tile((0.0, 0.0, 9.81), (9, 1)), quat_ref=np.tile((scalar, 0.0, 0.0, 0.0), (9, 1)))
+    monkeypatch.setattr(accuracy, "version", lambda package: "1")
+    monkeypatch.setattr(accuracy, "FILTERS", {})
+    result = accuracy.measure(tmp_path)
+    assert (list(result["recordings"]), result["without_reference"]) == (["valid"], ["zero"])
+
+
 def test_tables_in_the_docs_are_those_of_the_figures(root):
     text = (root / "docs" / "flight.md").read_text()
     for name, content in docs.accuracy_blocks().items():

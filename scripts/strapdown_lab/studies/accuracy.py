@@ -149,7 +149,8 @@ def measure(folder: str | os.PathLike, *,
     versions = {package: version(package) for package in PACKAGES}
     paths = sorted(Path(folder).glob("*.npz"))
     recordings = {path: read_recording(path) for path in paths}
-    scored = [path for path in paths if recordings[path].reference is not None]
+    references = {path: recording.reference for path, recording in recordings.items()}
+    scored = [path for path, reference in references.items() if reference is not None and reference.valid.any()]
     runs = [(path, name) for path in scored for name in FILTERS]
     rows: dict = {path.stem: {"axes": 6 if recordings[path].mag is None else 9, "filters": {}} for path in scored}
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
@@ -189,7 +190,7 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
     """Write ``accuracy.json``, ``accuracy.md`` and ``accuracy.png``; returns the path of the second."""
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / "accuracy.json").write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
+    (directory / "accuracy.json").write_text(json.dumps(result, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     page = [
         "# Attitude error on real recordings", "",
         "RMS in degrees against the recordings' references, after the definition of the BROAD data set.",
@@ -203,7 +204,7 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
     for figure in FIGURES:
         page += ["", f"## {figure.capitalize()}", "", figure_table(result, figure)]
     path = directory / "accuracy.md"
-    path.write_text("\n".join(page) + "\n")
+    path.write_text("\n".join(page) + "\n", encoding="utf-8")
     _picture(result, directory / "accuracy.png")
     return path
 
