@@ -1,4 +1,4 @@
-"""Figures in the README are those of this commit; its links lead somewhere."""
+"""Figures in the README and in docs/cores.md are those of this commit; its links lead somewhere."""
 
 import re
 

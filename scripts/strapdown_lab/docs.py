@@ -48,6 +48,15 @@ def configurations_block(make_core=make_core):
                           rows)
 
 
+def channels_block(make_core=make_core):
+    """Table of the configurations with several channels. ``make_core`` may keep the cores it has made."""
+    cores = {config.name: make_core(main_module(config), config) for config in CONFIGS.values() if config.channels > 1}
+    return markdown_table(
+        ["configuration", "module", "channels:", "interval, cycles:", "latency, cycles:", "updates in flight:"],
+        [[f"`{name}`", f"`{core.system.name}`", core.engine.channels, core.engine.interval, core.latency,
+          core.engine.program.schedule.stages] for name, core in cores.items()])
+
+
 def demo_block(summary):
     """Table of what a replay's summary says."""
     difference = summary["against_float64_reference_deg"]
@@ -108,6 +117,7 @@ def main():
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
     write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
                                       "configurations": configurations_block()})
+    write_blocks(ROOT / "docs" / "cores.md", {"channels": channels_block()})
     write_blocks(ROOT / "docs" / "kernels.md", {"compass": compass_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
