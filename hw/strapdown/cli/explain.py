@@ -35,14 +35,14 @@ def schedule(target, config_name, changes, module, output):
     from strapdown.export.gantt import schedule_picture, schedule_summary
 
     core, config, module = _core_and_module(target, config_name, changes, module)
-    result = core.engine.program.schedule
+    plan = core.engine.program.schedule
     path = output or Path("build/schedule") / f"{config.name}_{module}.png"
     if path.suffix not in (".png", ".svg"):
         raise UserError(f"--output takes a .png or .svg file, not {path}")
-    for line in schedule_summary(result):
+    for line in schedule_summary(plan, core.latency):
         click.echo(line)
     with writing(path), written_together(path.parent) as folder:
-        schedule_picture(result, f"{module}, configuration {config.name}", folder / path.name)
+        schedule_picture(plan, core.latency, f"{module}, configuration {config.name}", folder / path.name)
     click.echo(f"picture: {path}")
 
 

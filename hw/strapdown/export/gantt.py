@@ -9,11 +9,18 @@ from .explain import kernel_line
 __all__ = ["schedule_summary", "schedule_picture"]
 
 
-def schedule_summary(schedule):
+def schedule_summary(schedule, latency):
     """Lines: length against its bounds, how busy the units are, the critical path with its kernel lines.
 
-    If several updates are in flight, the interval between them stands against its bounds.
+    If several updates are in flight, the interval between them is compared with its bounds.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    latency : int
+        Cycles from start to finish of the engine, which are more than those of its microprogram.
     """
+    yield f"{latency} cycles from start to finish; below, those of the microprogram are counted"
     bound = max(schedule.bounds, key=schedule.bounds.get)
     if schedule.interval:
         yield f"an update takes {schedule.length} cycles, and up to {schedule.stages} are in flight; one begins every"
@@ -29,12 +36,12 @@ def schedule_summary(schedule):
         yield f"  {step.issue:4} to {step.write:4}  {step.unit:<12} {step.node.operation:<9} {waited:>4}  {origin}"
 
 
-def schedule_picture(schedule, title, path):
+def schedule_picture(schedule, latency, title, path):
     """Draw a schedule of one update: a row a unit, a bar a cycle range in which it works, coloured by section.
 
     Full colour is where a unit can take no other operation, pale where one is on its way through a pipeline; the
     critical path is drawn as a line. If several updates are in flight, dotted lines mark where further ones begin.
-    ``path`` tells the format by its suffix.
+    ``path`` tells the format by its suffix; ``latency`` is as in ``schedule_summary``.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
@@ -60,11 +67,12 @@ def schedule_picture(schedule, title, path):
     axes.set_yticks(list(rows.values()), list(rows))
     axes.invert_yaxis()
     axes.set_xlim(0, schedule.length)
-    axes.set_xlabel("cycle")
+    axes.set_xlabel("cycle of the microprogram")
     for begin in range(schedule.period, schedule.length, schedule.period):
         axes.axvline(begin, color="black", linewidth=0.6, linestyle=":")
     interval = f", one update every {schedule.interval}" if schedule.interval else ""
-    axes.set_title(f"{title}: {schedule.length} cycles{interval}", loc="left")
+    axes.set_title(f"{title}: {latency} cycles from start to finish, {schedule.length} of them in the microprogram"
+                   f"{interval}", loc="left")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(handles=[*(Patch(color=colour, label=section) for section, colour in colours.items()),
                          Patch(color="0.55", label="inputs, reset values")],
