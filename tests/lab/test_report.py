@@ -4,14 +4,18 @@ import json
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Annotation
 
 from strapdown.cli import main
 from strapdown.cores import THESIS
 from strapdown.export import write_core
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
+from strapdown_lab.report import plots
 from strapdown_lab.report.anchors import OPERATOR_ANCHORS, best_known
 from strapdown_lab.report.cores import CORES, simulated_cycles
 from strapdown_lab.report.measure import core_circuit, measure, operator_design
@@ -81,6 +85,52 @@ def test_pictures_are_equal_for_equal_figures(tmp_path):
         for name in "12":
             draw(tmp_path / name, report)
         assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
+
+
+def drawn(draw, report, tmp_path, monkeypatch):
+    """The figure of a picture."""
+    figures = []
+    monkeypatch.setattr(plots, "_save", lambda figure, path: figures.append(figure))
+    draw(tmp_path / "picture.png", report)
+    return figures[0]
+
+
+def panels(figure):
+    """Visible axes, with their lines of more than one point."""
+    return {axes: [line for line in axes.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 1]
+            for axes in figure.axes if axes.get_visible()}
+
+
+def test_a_line_joins_one_operator_at_growing_latencies(figures, tmp_path, monkeypatch):
+    lines = panels(drawn(operator_plot, figures["operators"], tmp_path, monkeypatch))
+    assert all((np.diff(line.get_xdata()) > 0).all() for group in lines.values() for line in group)
+    converters = next(axes for axes in lines if axes.get_title("left") == "to another format")
+    rows = [row for row in figures["operators"]["operators"] if row["operator"] == "to another format"]
+    wanted = {(" to ".join(row["formats"]), row["latency"], row["xc7"]["lut"]) for row in rows}
+    names = {text.xy: text.get_text() for text in converters.texts if text.get_visible()}
+    assert {(names[x[-1], y[-1]], *point) for line in lines[converters] for x, y in [line.get_data()]
+            for point in zip(x, y, strict=True)} == wanted
+    # A shape for each: the frequencies below have no names.
+    assert len({line.get_marker() for line in lines[converters]}) == len(names) == 4
+
+
+@pytest.mark.parametrize(("name", "draw"), [("cores", core_plot), ("operators", operator_plot)])
+def test_labels_stand_at_their_points(figures, tmp_path, monkeypatch, name, draw):
+    """The gap from a label to its point is at most 12 points; among the cores, no other point is nearer."""
+    figure = drawn(draw, figures[name], tmp_path, monkeypatch)
+    figure.canvas = FigureCanvasAgg(figure)
+    checked = 0
+    for axes in panels(figure):
+        labels = [text for text in axes.texts if isinstance(text, Annotation) and text.get_visible()
+                  and text.xycoords == "data"]
+        places = [axes.transData.transform(label.xy) for label in labels]
+        for index, label in enumerate(labels):
+            box = label.get_window_extent()
+            gaps = [np.hypot(max(0, box.x0 - x, x - box.x1), max(0, box.y0 - y, y - box.y1)) for x, y in places]
+            assert gaps[index] <= 12 * figure.dpi / 72, label.get_text()
+            assert name == "operators" or gaps[index] == min(gaps), label.get_text()
+            checked += 1
+    assert checked >= 10
 
 
 def test_measured_operators_are_json(tmp_path):

@@ -1,6 +1,7 @@
 """Pictures of a report: PNG files of equal bytes for equal figures."""
 
-from typing import Any
+from collections import Counter
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,6 +15,9 @@ from .anchors import CORE_ANCHORS, OPERATOR_ANCHORS
 from .tables import microseconds
 
 __all__ = ["core_plot", "operator_plot"]
+
+_MARKERS = "o^sv"
+"""Markers of the curves of one colour in a panel."""
 
 _INK, _OURS, _GRADUAL, _ANCHOR, _GRID = "#10243e", "#1f6fb4", "#cc6633", "#8a94a3", "#e4e4e4"
 
@@ -39,14 +43,14 @@ def core_plot(path, report):
     notes = []
     for anchor in software:
         axes.axvline(anchor.microseconds, color=_ANCHOR, linewidth=1.0, linestyle=(0, (4, 4)), zorder=1)
-        notes.append(axes.annotate(f"{anchor.design}, {anchor.microseconds:g} µs", (anchor.microseconds, 0.015),
-                                   xycoords=("data", "axes fraction"), rotation=90, xytext=(-3, 0),
-                                   textcoords="offset points", ha="right", va="bottom", fontsize=8, color=_ANCHOR))
+        notes.append(axes.annotate(f"{anchor.design}, {anchor.microseconds:g} µs", (anchor.microseconds, 0.985),
+                                   xycoords=("data", "axes fraction"), rotation=90, xytext=(3, 0),
+                                   textcoords="offset points", ha="left", va="top", fontsize=8, color=_ANCHOR))
 
     axes.set(xscale="log", yscale="log", ylabel="LUTs",
              xlabel="one update (µs), public cores at their own clock, ours as routed on an ECP5-6")
     xs, ys = zip(*(point for point, _, _ in labels), strict=True)
-    axes.set_xlim(min(xs) / 2, max(xs) * 3)
+    axes.set_xlim(min(xs) / 2.5, max(xs) * 3)
     axes.set_ylim(min(ys) / 3, max(ys) * 2)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
@@ -59,21 +63,23 @@ def core_plot(path, report):
     _save(figure, path)
 
 
-# Where a label may stand beside its point, the best place first: offset in points, alignment.
+# Where a label may stand at its point, the best place first: offset in points, alignment.
 _PLACES = (((9, 0), "left", "center"), ((-9, 0), "right", "center"), ((0, 9), "center", "bottom"),
-           ((0, -9), "center", "top"), ((7, 7), "left", "bottom"), ((7, -7), "left", "top"),
-           ((-7, 7), "right", "bottom"), ((-7, -7), "right", "top"), ((24, 24), "left", "bottom"),
-           ((24, -24), "left", "top"), ((-24, 24), "right", "bottom"), ((-24, -24), "right", "top"))
+           ((0, -9), "center", "top"), ((7, 5), "left", "bottom"), ((7, -5), "left", "top"),
+           ((-7, 5), "right", "bottom"), ((-7, -5), "right", "top"))
+_MARKER = 11
+"""Half of the side of the box around a marker, in pixels."""
 
 
 def _place_labels(axes, labels, obstacles, **style):
-    """Write labels (point, text, style) beside their points, each where it covers least of what is there.
+    """Write labels (point, text, style) at their points, each where it covers least and cannot be taken for another's.
 
     ``obstacles`` are boxes in pixels; the points themselves join them.
     """
     taken = [*obstacles, *(_around(axes, point) for point, _, _ in labels)]
     for point, text, own_style in labels:
-        tried = []
+        own, tried = _around(axes, point), []
+        others = [_around(axes, other) for other, _, _ in labels if other != point]
         for place, (offset, horizontal, vertical) in enumerate(_PLACES):
             label = axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=horizontal, va=vertical,
                                   linespacing=1.2, zorder=5, **style, **own_style,
@@ -82,8 +88,9 @@ def _place_labels(axes, labels, obstacles, **style):
             box = label.get_window_extent()
             label.set_visible(False)
             outside = box.width * box.height - _overlap(box, axes.bbox)
-            # To hide something is bad, to stick out of the axes is worse.
-            tried.append((sum(_overlap(box, other) for other in taken) + 4 * outside, place, label, box))
+            nearer = sum(max(0, _distance(box, own) + _MARKER - _distance(box, other)) for other in others)
+            # To hide something is bad, to stick out of the axes or to stand at another point is worse.
+            tried.append((sum(_overlap(box, other) for other in taken) + 4 * outside + 50 * nearer, place, label, box))
         *_, label, box = min(tried, key=lambda trial: trial[:2])
         label.set_visible(True)
         taken.append(box)
@@ -92,7 +99,12 @@ def _place_labels(axes, labels, obstacles, **style):
 def _around(axes, point):
     """Box around the marker of a point."""
     x, y = axes.transData.transform(point)
-    return Bbox.from_extents(x - 11, y - 11, x + 11, y + 11)
+    return Bbox.from_extents(x - _MARKER, y - _MARKER, x + _MARKER, y + _MARKER)
+
+
+def _distance(a, b):
+    """Distance of two boxes."""
+    return np.hypot(max(0, a.x0 - b.x1, b.x0 - a.x1), max(0, a.y0 - b.y1, b.y0 - a.y1))
 
 
 def _overlap(a, b):
@@ -123,12 +135,17 @@ def operator_plot(path, report):
     for axes in panels.flat:
         axes.set_visible(False)
     named: list[tuple] = []
-    for index, (operator, policies) in enumerate(curves.items()):
+    for index, (operator, series) in enumerate(curves.items()):
         block, column = divmod(index, columns)
         area, speed = panels[2 * block:2 * block + 2, column]
-        _draw_operator(area, speed, operator, policies)
-        named.append((area, [((anchor.latency, anchor.lut), anchor.design, {}) for anchor in _anchors(operator)],
-                      [(row["latency"], row["xc7"]["lut"]) for rows in policies.values() for row in rows]))
+        _draw_operator(area, speed, operator, series)
+        rows = [row for each in series for row in each.rows]
+        labels = [((anchor.latency, anchor.lut), anchor.design, {"color": _ANCHOR}) for anchor in _anchors(operator)]
+        if len({each.colour for each in series}) < len(series):
+            # Several curves have the same colour: they have names.
+            labels += [((each.rows[-1]["latency"], each.rows[-1]["xc7"]["lut"]), each.name, {"color": each.colour})
+                       for each in series]
+        named.append((area, labels, [(row["latency"], row["xc7"]["lut"]) for row in rows]))
     for axes in panels.flat:
         _finish(axes)
     figure.align_ylabels()
@@ -141,23 +158,25 @@ def operator_plot(path, report):
     figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
     figure.draw_without_rendering()  # from here on the axes stay where they are
     for area, labels, points in named:
-        _place_labels(area, labels, [_around(area, point) for point in points], fontsize=7, color=_ANCHOR)
+        _place_labels(area, labels, [_around(area, point) for point in points], fontsize=7)
     _save(figure, path)
 
 
-def _draw_operator(area, speed, operator, policies):
+def _draw_operator(area, speed, operator, series):
     """LUTs of an operator in the upper panel, its frequency in the lower, both over one latency axis."""
     area.set_visible(True)
     bottom = area
-    for policy, rows in policies.items():
-        colour = _GRADUAL if policy == "gradual" else _OURS
-        style = {"color": colour, "linewidth": 1.6, "markersize": 5, "marker": "o", "zorder": 4}
+    used: Counter = Counter()
+    for each in series:
+        rows, colour = each.rows, each.colour
+        style = {"color": colour, "linewidth": 1.6, "markersize": 5, "marker": _MARKERS[used[colour]], "zorder": 4}
+        used[colour] += 1
         area.plot([row["latency"] for row in rows], [row["xc7"]["lut"] for row in rows], **style)
-        if placed := [row for row in rows if "ecp5" in row]:
+        if placed := each.placed:
             bottom = speed
             latency = [row["latency"] for row in placed]
             spread = np.array([row["ecp5"]["fmax_mhz_of_seeds"] for row in placed])
-            speed.plot(latency, np.median(spread, axis=1), **style)
+            speed.plot(latency, [_megahertz(row) for row in placed], **style)
             speed.fill_between(latency, spread.min(axis=1), spread.max(axis=1), color=colour, alpha=0.18, linewidth=0)
     for anchor in _anchors(operator):
         area.plot(anchor.latency, anchor.lut, "D", markersize=5, markerfacecolor="white", zorder=3,
@@ -178,17 +197,35 @@ def _draw_operator(area, speed, operator, policies):
         axes.tick_params(labelsize=8)
 
 
+class _Curve(NamedTuple):
+    """What one line of a panel joins: an operator of the same formats and policy, in the order of its latency."""
+
+    name: str
+    colour: str
+    rows: list
+
+    @property
+    def placed(self):
+        """The rows that were placed and routed."""
+        return [row for row in self.rows if "ecp5" in row]
+
+
+def _megahertz(row):
+    """Clock frequency of a row that was placed and routed: the median of its seeds."""
+    return np.median(row["ecp5"]["fmax_mhz_of_seeds"])
+
+
 def _curves(rows):
-    """Operator to subnormal policy to rows of the pipelined ones, in the order of their latency."""
-    curves: dict[str, dict[str, list]] = {}
+    """Operator to its curves, of the pipelined ones, if one has at least three latencies."""
+    curves: dict[str, dict[tuple, list]] = {}
     for row in rows:
         if row["interval"] == 1:
-            curves.setdefault(row["operator"], {}).setdefault(row["subnormals"], []).append(row)
-    for policies in curves.values():
-        for group in policies.values():
-            group.sort(key=lambda row: row["latency"])
-    return {operator: policies for operator, policies in curves.items()
-            if max(len({row["latency"] for row in group}) for group in policies.values()) >= 3}
+            curves.setdefault(row["operator"], {}).setdefault((row["subnormals"], *row["formats"]), []).append(row)
+    return {operator: [
+        _Curve(" to ".join(formats), _GRADUAL if policy == "gradual" else _OURS,
+               sorted(group, key=lambda row: row["latency"])) for (policy, *formats), group in groups.items()]
+        for operator, groups in curves.items()
+        if max(len({row["latency"] for row in group}) for group in groups.values()) >= 3}
 
 
 def _anchors(operator):
