@@ -132,6 +132,47 @@ def test_a_file_that_has_no_configuration(tmp_path, name, content, message):
     assert result.stderr == f"strapdown: {tmp_path}/{message}\n"
 
 
+MISTAKEN = """\
+from strapdown.config import Config
+from strapdown.kernel import System, Update
+
+
+class MistakenConfig(Config):
+    def systems(self):
+        return {"MISTAKEN": system}
+
+
+def equations(xp, a):
+    if a < 1:
+        a = a + 1
+    return Update({"b": a})
+
+
+def system(config):
+    return System("MISTAKEN", "a truth test", equations, sections=("ONLY",), start="go", finish="done",
+                  inputs={"a": "in_a"}, outputs={"b": "out_b"})
+
+
+MISTAKEN = MistakenConfig(name="mistaken", description="a truth test", sample_rate_hz=1)
+"""
+
+
+@pytest.mark.parametrize("command", ["generate", "schedule", "explain"])
+def test_a_mistake_in_ones_own_kernel_is_one_line(tmp_path, command):
+    (tmp_path / "my_core.py").write_text(MISTAKEN)
+    result = run(command, f"{tmp_path}/my_core.py:MISTAKEN")
+    assert result.exit_code == 2
+    assert result.stderr == ("strapdown: my_core.py, line 11: TypeError: a kernel's value is not known while the "
+                             "kernel runs: use xp.select\n")
+
+
+def test_explain_takes_a_module_of_ones_own_file(tmp_path):
+    (tmp_path / "my_core.py").write_text(OWN)
+    result = run("explain", f"{tmp_path}/my_core.py:SLOW", "--module", "INS_atan")
+    assert result.exit_code == 0, result.output
+    assert "arctangent: atan2" in result.output
+
+
 def test_output_that_cannot_be_written_is_a_user_error(tmp_path):
     (tmp_path / "file").touch()
     result = run("generate", "--module", "INS_atan", "--output", tmp_path / "file" / "folder")

@@ -82,7 +82,7 @@ def test_file_explains_itself(core, verilog):
 def test_bad_configurations_are_refused():
     with pytest.raises(ConfigError, match=r"^configuration thesis_x8: channels must be a power of two, not 6$"):
         THESIS_X8.replace(channels=6)
-    with pytest.raises(ValueError, match=r"^interval must be at least 10\d, as long as the .* is taken, not 90$"):
+    with pytest.raises(ValueError, match=r"^interval must be at least 10\d, which .* needs, not 90$"):
         make_core("INS_top_x8", THESIS_X8.replace(interval=90))
 
 
@@ -151,7 +151,7 @@ def test_one_channel_waits_for_itself(model):
 
 @pytest.mark.verilator
 def test_a_sample_is_taken_at_once_after_a_pause(model):
-    # From the first begin without an update under way.
+    # From the first start without an update in flight.
     begin = -(-model.core.latency // model.core.engine.interval) * model.core.engine.interval
     idle = np.arange(begin, begin + 250)
     channels, inputs, _ = samples(model.core, len(idle), SEED + 6)

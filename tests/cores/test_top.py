@@ -135,3 +135,11 @@ def test_a_wrapper_describes_itself(make_core, tmp_path):
 def test_a_port_that_is_hidden_must_be_there(make_core):
     with pytest.raises(ValueError, match=r"^INS_atan has no port in_clock, in_other to hide$"):
         Wrapper(make_core("INS_atan", THESIS).engine, hidden=("in_other", "in_atan_en", "in_clock"))
+
+
+@pytest.mark.parametrize(("name", "message"), [
+    ("in_a", "INS_atan has two ports called 'in_a'"), ("clk", "INS_atan has two ports called 'clk'")])
+def test_two_ports_of_one_name_are_refused(make_core, name, message):
+    engine = make_core("INS_atan", THESIS).engine
+    with pytest.raises(ValueError, match=rf"^{message}$"):
+        Top(Wrapper(engine, added=(Port(name, In, 1, "another"),)))

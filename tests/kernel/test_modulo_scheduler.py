@@ -65,7 +65,7 @@ def test_no_interval_is_shorter_than_the_divisions(graph):
     most = -(-(operations["divide"] + operations["sqrt"]) // 2)
     least = most * POOL.operations["divide"][0].interval
     assert least > operations["multiply"]
-    with pytest.raises(ValueError, match=rf"^interval must be at least {least}, as long as the .* is taken, not 60$"):
+    with pytest.raises(ValueError, match=rf"^interval must be at least {least}, which .* needs, not 60$"):
         modulo_schedule(graph, MACHINE, 60)
 
 

@@ -1,5 +1,6 @@
 """Arrays with the nesting of the kernel, and runs of the twin."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -235,3 +236,21 @@ def test_a_first_update_that_is_refused_in_float64_shows_zeros():
     assert INS_TOP.read(result)["c"].tolist() == np.zeros((1, 3, 3)).tolist()
     assert result["refused"].tolist() == [True]
     assert result["q0"].tolist() == [1]
+
+
+def test_two_ports_of_one_name_are_refused():
+    with pytest.raises(ValueError, match=r"^INS_mag has two ports called 'in_magx'$"):
+        replace(INS_MAG, outputs={"e_m": ("in_magx", "out_eym", "out_ezm")})
+    with pytest.raises(ValueError, match=r"^INS_mag has two ports called 'in_mag_en'$"):
+        replace(INS_MAG, finish="in_mag_en")
+
+
+@pytest.mark.parametrize("shape", [(), (0,)])
+def test_a_run_without_samples_is_refused(shape):
+    inputs = INS_MAG.bind(m=np.zeros((*shape, 3)), c=np.zeros((*shape, 3, 3)))
+    message = "^INS_mag: a run needs at least one sample along the first axis, not numbers of shape " \
+        rf"{re.escape(str(shape))}$"
+    with pytest.raises(ValueError, match=message):
+        INS_MAG.run(THESIS.pool, inputs)
+    with pytest.raises(ValueError, match=message):
+        INS_MAG.run_float64(inputs)

@@ -11,7 +11,7 @@ from strapdown import __version__
 from strapdown.export.backend import BackendError
 
 from .catalogue import list_configurations
-from .common import InterruptedByUserError, UserError
+from .common import InterruptedByUserError, UserError, own_line
 from .design import design
 from .explain import explain, schedule
 from .generate import generate, link, operators
@@ -56,6 +56,10 @@ class Commands(click.Group):
             raise UserError(f"{place}{error.strerror or error}") from None
         except BackendError as error:
             raise UserError(str(error)) from None
+        except Exception as error:
+            if place := own_line(error):
+                raise UserError(f"{place}: {type(error).__name__}: {error}") from None
+            raise
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})

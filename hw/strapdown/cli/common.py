@@ -4,6 +4,7 @@ import importlib.util
 import re
 import shlex
 import sys
+import traceback
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,9 +14,12 @@ from strapdown.config import Config, ConfigError
 from strapdown.cores import CONFIGS, main_module, make_core, modules_of
 
 __all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "named_configuration",
-           "target_of", "writing"]
+           "own_line", "target_of", "writing"]
 
 DEFAULT = "thesis"
+
+OWN = "own_"
+"""Beginning of the module names of files of the user's own: no other module has such a name."""
 
 
 class UserError(click.ClickException):
@@ -84,7 +88,7 @@ def _module_of(path):
         raise UserError(f"there is no file {path}")
     if not path.stem.isidentifier():
         raise UserError(f"{path} must have a name that Python can import: letters, digits and underscores")
-    name = f"own_{path.stem}"  # not the name of any other module
+    name = f"{OWN}{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path.resolve())
     assert spec is not None
     assert spec.loader is not None
@@ -100,6 +104,13 @@ def _module_of(path):
     finally:
         sys.path.pop(0)
     return module
+
+
+def own_line(error):
+    """File and line of the user's own that an exception comes from, or an empty string."""
+    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)
+              if frame.f_globals.get("__name__", "").startswith(OWN)]
+    return f"{Path(frames[-1][0]).name}, line {frames[-1][1]}" if frames else ""
 
 
 def changed(config, changes):

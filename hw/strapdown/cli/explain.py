@@ -49,15 +49,17 @@ def schedule(target, config_name, changes, module, output):
 @click.command()
 @click.argument("target", metavar=TARGET)
 @config_options
+@click.option("--module", metavar="NAME", default=None,
+              help="Module that is explained.  [default: the configuration's top]")
 @click.option("--cycle", type=click.IntRange(min=0), help="Show this cycle only, with the whole chain of kernel lines.")
 @click.option("--line", "place", metavar="FILE:LINE|FILE:FUNCTION",
               help="Show what a kernel line or function became, as in attitude.py:47.")
-def explain(target, config_name, changes, cycle, place):
+def explain(target, config_name, changes, module, cycle, place):
     """Lead from a ROM line of a module back to the line of the kernel, or the other way.
 
     Without options: the whole microprogram.
     """
-    core, _, module = _core_and_module(target, config_name, changes)
+    core, _, module = _core_and_module(target, config_name, changes, module)
     program = core.engine.program
     if cycle is not None and cycle >= program.length:
         raise UserError(f"{module} has cycles 0 to {program.length - 1}, not {cycle}")

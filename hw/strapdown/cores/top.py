@@ -26,6 +26,14 @@ def through(outer, inner, names):
         yield there.eq(here) if outer.signature.members[outside].flow == In else here.eq(there)
 
 
+def distinct(ports, module):
+    """The ports of a module, if no two have the same name. Raises: ValueError."""
+    names = [port.name for port in ports]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"{module} has two ports called {twice[0]!r}")
+    return ports
+
+
 class Wrapper(Described):
     """An engine inside a module, with added or hidden ports; by itself, with exactly the engine's ports.
 
@@ -49,7 +57,7 @@ class Wrapper(Described):
     The engine's without ``hidden``, and ``added``.
 
     Latency: the engine's.
-    Raises: ValueError if ``hidden`` names a port that the engine does not have.
+    Raises: ValueError if ``hidden`` names a port that the engine does not have, or if two ports have the same name.
     """
 
     def __init__(self, engine, *, name=None, title=None, added=(), hidden=()):
@@ -58,7 +66,7 @@ class Wrapper(Described):
         if unknown := set(hidden) - {port.name for port in engine.ports}:
             raise ValueError(f"{engine.name} has no port {', '.join(sorted(unknown))} to hide")
         self._passed = {port.name: port.name for port in engine.ports if port.name not in hidden}
-        self._ports = (*(port for port in engine.ports if port.name in self._passed), *added)
+        self._ports = distinct((*(port for port in engine.ports if port.name in self._passed), *added), self._name)
         super().__init__({port.name: port.member for port in self._ports})
 
     @property
@@ -177,10 +185,12 @@ class Top(Described):
     All others are the component's.
 
     Latency: ``latency`` clock cycles, the component's.
+    Raises: ValueError if a port of the component has the name of a port of ``control``.
     """
 
     def __init__(self, component, *, control=CORE_CONTROL):
         self._component, self._control = component, control
+        distinct(self.ports, component.name)
         super().__init__({port.name: port.member for port in self.ports})
         # The component's signals are the ports themselves: there is nothing to connect.
         vars(self).update({name: getattr(component, name) for name in component.signature.members})

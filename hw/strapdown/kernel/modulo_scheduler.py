@@ -47,7 +47,7 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None)
     if interval is None:
         return _shortest(problem, least)
     if interval < least:
-        raise ValueError(f"interval must be at least {least}, as long as the {resource} is taken, not {interval!r}")
+        raise ValueError(f"interval must be at least {least}, which {resource} needs, not {interval!r}")
     result = _scheduled(problem, interval)
     if result is None:
         raise ValueError(f"interval must be longer than {interval!r}: no schedule was found")

@@ -116,6 +116,9 @@ class System:
     status_port: str = ""
 
     def __post_init__(self):
+        names = [self.start, self.finish, *self.input_ports, *self.output_ports, *filter(None, [self.status_port])]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"{self.name} has two ports called {twice[0]!r}")
         words = dict.fromkeys(leaves(self.state), 0.0)
         if unknown := [word for word in self.reset if word not in words]:
             raise ValueError(f"reset names {unknown[0]!r}, which is no word of the state")
@@ -305,9 +308,9 @@ class System:
         first wrong prediction are computed again, so the result never depends on the prediction.
         """
         fmt, words = pool.format, tuple(self.reset)
-        ports = dict(zip(self.input_ports, np.broadcast_arrays(
-            *(np.asarray(inputs[port]) if port in self.integers else fmt.from_bits(fmt.to_bits(inputs[port]))
-              for port in self.input_ports)), strict=True))
+        ports = self._samples(
+            {port: np.asarray(inputs[port]) if port in self.integers else fmt.from_bits(fmt.to_bits(inputs[port]))
+             for port in self.input_ports})
         count, *lanes = ports[self.input_ports[0]].shape
         start = self.trace(pool).reset_outputs | self.reset | (state or {})
         held = {name: np.broadcast_to(fmt.array(start[name]), lanes) for name in (*self.output_ports, *words)}
@@ -346,8 +349,8 @@ class System:
         Outputs before the first update that is not refused are zero. Parameters and results are those of
         ``run``, in float64.
         """
-        columns = np.broadcast_arrays(*(np.asarray(inputs[port], None if port in self.integers else float)
-                                        for port in self.input_ports))
+        columns = [*self._samples({port: np.asarray(inputs[port], None if port in self.integers else float)
+                                   for port in self.input_ports}).values()]
         start = dict.fromkeys(self.output_ports, 0.0) | self.reset | (state or {})
         held = {name: np.float64(start[name]) for name in (*self.output_ports, *self.reset)}
         rows = []
@@ -365,6 +368,14 @@ class System:
         lanes = columns[0].shape[1:]
         result = {name: np.stack([np.broadcast_to(row[name], lanes) for row in rows]) for name in rows[0]}
         return result, {name: result[name][-1] for name in held}
+
+    def _samples(self, columns):
+        """Input port to its numbers, all of one shape (N, ...). Raises: ValueError if there is no sample."""
+        arrays = np.broadcast_arrays(*columns.values())
+        if arrays[0].ndim == 0 or len(arrays[0]) == 0:
+            raise ValueError(f"{self.name}: a run needs at least one sample along the first axis, "
+                             f"not numbers of shape {arrays[0].shape}")
+        return dict(zip(columns, arrays, strict=True))
 
     def _predicted(self, dtype, inputs, state):
         """State before each of the updates of a block, nearly always equal to that of the twin.

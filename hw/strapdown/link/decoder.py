@@ -49,11 +49,6 @@ class FrameDecoder:
         self._counter = None
         self._number = 0
 
-    @property
-    def pending_bytes(self):
-        """Number of bytes that may still become a frame."""
-        return len(self._pending)
-
     def feed(self, data):
         """Take any number of bytes; return the Frames that they complete."""
         self._pending += data

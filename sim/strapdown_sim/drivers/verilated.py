@@ -165,7 +165,7 @@ class VerilatedModel:
 
     def offer(self, stimulus: Mapping[str, ArrayLike], idle: ArrayLike, *, limit: int = 10_000,
               progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
-        """One row a sample, offered until it is taken, while others are under way.
+        """One row a sample, offered until it is taken, while others are in flight.
 
         Parameters
         ----------
