@@ -1,4 +1,4 @@
-"""Components that are also descriptions: they tell ports, latency and twin, whether or not they become a circuit."""
+"""Components that are also descriptions: ports, latency and twin can be read without making a circuit."""
 
 from amaranth.lib import wiring
 
@@ -6,14 +6,14 @@ __all__ = ["Described"]
 
 
 class Described(wiring.Component):
-    """Base of the components that are read without becoming part of a circuit.
+    """Base of the components that can be read without becoming part of a circuit.
 
-    Such a component is two things. It is a description: ports (``signature``), ``latency``, ``interval``, the
-    software twin ``compute``. And it is a circuit, as soon as ``elaborate`` is called. Schedules, tables, pages and
-    command lines need the description only.
+    Such a component is a description: ports (``signature``), ``latency``, ``interval``, and the software twin
+    ``compute``. It becomes a circuit when ``elaborate`` is called. Schedules, tables, pages and command lines need
+    only the description.
     """
 
     def __new__(cls, *args, **kwargs):
-        # Amaranth's own ``__new__`` registers each component, to report those that become no part of a circuit.
-        # A description need not become one.
+        # Amaranth's own ``__new__`` registers each component, and warns of those that are never elaborated.
+        # A description does not have to be elaborated.
         return object.__new__(cls)

@@ -1,4 +1,4 @@
-"""What all configurations share: they are frozen, and pydantic validates them. An error is one line."""
+"""The base of all configurations. They are frozen, and pydantic validates them. An error is one line."""
 
 import re
 import unicodedata
@@ -16,11 +16,11 @@ __all__ = ["Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightH
 
 
 class ConfigError(ValueError):
-    """A configuration that is not valid; the message is one line that names the field and the remedy."""
+    """A configuration is not valid. The message is one line that names the field and the remedy."""
 
 
 def _listed(value):
-    """A comma-separated string, as it comes from a command line, as a tuple."""
+    """The tuple of a comma-separated string from a command line; other values unchanged."""
     if isinstance(value, str):
         return tuple(value.split(",")) if value else ()
     return value
@@ -102,7 +102,7 @@ class Config(BaseModel):
 
     @property
     def engine_pool(self):
-        """The pool that the engine has: ``pool``, or what stands for it with several channels."""
+        """The pool of the engine: ``pool``, or its replacement if there are several channels."""
         return self.pool if self.channels == 1 else streaming(self.pool)
 
     @property
@@ -114,14 +114,14 @@ class Config(BaseModel):
             if _EITHER_HAND in info.metadata and _left_handed(getattr(self, field)))
 
     def systems(self) -> dict[str, Callable[..., System]]:
-        """Module name to the function that makes the module's System from this configuration.
+        """Maps each module name to the function that makes the module's System from this configuration.
 
-        The last one is the main module: it has all the functions of the configuration.
+        The last module is the main module. It has all the functions of the configuration.
         """
         raise NotImplementedError
 
     def constant_inputs(self) -> dict[str, float]:
-        """Inputs of the main module that are not sensors, by the kernel's names: their values in a replay."""
+        """Values, for a replay, of the main module's inputs that are not sensors, by the kernel's names."""
         return {}
 
     def replace(self, **changes):
@@ -137,7 +137,7 @@ class Config(BaseModel):
 
 
 def _one_line(config, error):
-    """The first complaint of a ValidationError as one line."""
+    """The first error of a ValidationError as one line."""
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"][:1])
     if first["type"] == "extra_forbidden":

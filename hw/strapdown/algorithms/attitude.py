@@ -17,7 +17,7 @@ DEGREES = 180 / math.pi
 
 
 class Update(NamedTuple):
-    """Results of one update by name; the names are those of the system's interface."""
+    """Results of one update, by the names of the system's interface."""
 
     outputs: dict
     state: dict | None = None
@@ -27,8 +27,8 @@ class Update(NamedTuple):
 def accelerometer_error(xp, a, v, gain=1):
     """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26 and 2.30.
 
-    Returns (gain·e_a, whether ``a`` has no length). The vector product does not wait for the root and the
-    division, which run at the same time. The gain is the dividend and needs no operation of its own.
+    Returns (gain·e_a, true if ``a`` has no length). The vector product does not wait for the root and the
+    division, which run at the same time. The gain is the dividend and needs no additional operation.
     """
     square, missing = length_squared(a)
     return scale(gain / xp.sqrt(square), cross(a, v)), missing
@@ -39,8 +39,8 @@ def magnetometer_error(xp, m, c, axes, gain=1):
 
     ``m`` is in sensor axes; ``axes`` maps them to body axes. w is proportional to |m|, so e_m is computed
     from the field as measured and divided once by |m|², without a root. By the columns of C,
-    m × w = bx·(m × c1) + hz·(m × c3): everything but bx is ready before its root is.
-    Returns (gain·e_m, whether ``m`` has no length).
+    m × w = bx·(m × c1) + hz·(m × c3): all values but bx are ready before the root of bx is.
+    Returns (gain·e_m, true if ``m`` has no length).
     """
     m = permute(axes, m)
     square, missing = length_squared(m)
@@ -123,7 +123,7 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
     """One update of INS_top; the stages are in the order of the thesis's state machine.
 
     The angles do not wait for the normalisation of the next quaternion: they need only the directions in |q|²·C.
-    All angular rates, also ``i``, are multiplied by T/2: they are half the turn of one period.
+    All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one period.
     """
     gain, integral_share = correction_gains(kp, ki, period)
     gain *= period / 2

@@ -4,10 +4,10 @@ Frames: b body, n navigation, with the axes of a ``Frame``; z is always vertical
 C_n^b (navigation to body) as rows, ``q`` the body-to-navigation quaternion, scalar first. ``a``
 and ``m`` may have any unit, ``g`` and ``bias`` are in deg/s, angles come out in degrees.
 
-A correction is a vector p along its axis with the length tan(angle/2): q⊗(1, p) turns by exactly
+A correction is a vector p along its axis with the length tan(angle/2): q⊗(1, p) rotates by exactly
 that angle. For small angles p is half the angle in radians.
 
-Order of an update: the gyro and the correction from the previous update turn the quaternion. The next
+Order of an update: the gyro and the correction from the previous update rotate the quaternion. The new
 attitude then resolves specific force and field in n. Their errors give a correction for the next
 update, so the angles of this update do not wait for it.
 """
@@ -25,13 +25,13 @@ __all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "Sen
 DEGREES = 180 / math.pi
 
 ALIGNMENTS = 4
-"""The first samples have full weight. There is more than one, because a correction turns by 127° at most."""
+"""Number of first samples with full weight. It is more than one, because a correction rotates by 127° at most."""
 
 LONGEST_PERIOD = 0.1
 """Longest period in seconds; a longer one is limited to this. It keeps gain times period near 1 or below."""
 
 UPSIDE_DOWN = 2.0**-17
-"""Within this angle (rad) of upside down, an arbitrary horizontal axis is used: none is measured."""
+"""Within this angle (rad) of upside down, no axis can be measured; an arbitrary horizontal axis is used."""
 
 FIELD_SETTLING = 2.0
 """Rate (1/s) at which the field's reference follows the field at the beginning of the start-up ramp."""
@@ -48,7 +48,7 @@ class Frame(NamedTuple):
         return vector[2] if self.up > 0 else -vector[2]
 
     def horizontal(self, vector):
-        """Component to the north, and the one a right-handed quarter turn about z from it."""
+        """Component to the north, and the component a right-handed quarter turn about z from north."""
         return (vector[0], vector[1]) if self.north == 0 else (vector[1], -vector[0])
 
 
@@ -95,7 +95,7 @@ class Parameters(NamedTuple):
 
 
 def is_constant(*values):
-    """Whether all values are plain numbers, known when the circuit is made, which the configuration has checked."""
+    """True if all values are numbers that are known, and checked, when the circuit is made."""
     return all(type(value) is float for value in values)
 
 
@@ -156,8 +156,8 @@ def turned(xp, q, omega, square, beyond, pending, period):
     """q⊗(1, x), not normalised, for x = tan(T·|omega|/2) along omega, plus the pending correction.
 
     ``omega`` is in deg/s and ``square`` is its squared length. tan(y) = y + y³/3 leaves out 2/15·y⁵, which is
-    0.00008° in a turn by 10°. ``beyond`` the gyro's range tan(y) = y, so that no rate takes |q|² near overflow,
-    where its reciprocal is zero.
+    0.00008° in a rotation by 10°. ``beyond`` the gyro's range tan(y) = y, so that no rate brings |q|² near
+    overflow, where the reciprocal of |q|² is zero.
     """
     half = period * (0.5 / DEGREES)
     factor = xp.select(beyond, half, half + (half * half * half * (1 / 3)) * square)
@@ -199,7 +199,7 @@ def field_correction(xp, h, reference, frame, parameters):
     Beyond ±90° the tangent stays at ±1. ``reference`` holds the field's usual (horizontal, upward) components.
     The weight is 1 - (distance/(tolerance·|reference|))²: it falls from 1 at the reference to 0 at the tolerance.
 
-    Returns (tangent, weight, distance as two components, margin of the tolerance, whether there is no field).
+    Returns (tangent, weight, distance as two components, margin of the tolerance, true if there is no field).
     """
     north, beside = frame.horizontal(h)
     level = dot((north, beside), (north, beside))
@@ -215,10 +215,10 @@ def field_correction(xp, h, reference, frame, parameters):
 
 
 def bias_update(xp, bias, mean, at_rest, smoothing, tilt_b, gain, limit):
-    """The gyro's bias: it follows the average at rest, and in motion it is corrected by the tilt that it causes.
+    """The gyro's bias: at rest it follows the average; in motion it is corrected by the tilt that it causes.
 
-    ``gain`` is per tangent of half the tilt. A bias beyond the limit is not learnt. A bias that is
-    beyond it already, because the limit is an input, decays.
+    ``gain`` is per tangent of half the tilt. A bias beyond the limit is not learnt. If the limit is an input,
+    the bias can already be beyond it; such a bias decays.
     """
     weight = xp.select(at_rest, smoothing, 0.0)
     candidate = subtract(add(bias, scale(weight, subtract(mean, bias))), scale(gain, tilt_b))
@@ -240,11 +240,11 @@ class Sensors(NamedTuple):
 
 
 class State(NamedTuple):
-    """What an update leaves to the next; what has a default is None in the 6-axis filter."""
+    """State between updates; a field with a default is None in the 6-axis filter."""
 
     q: Any
     pending: Any
-    """correction that waits for the next update, in b"""
+    """correction for the next update, in b"""
     first: Any
     second: Any
     """specific force after one and two low-passes, in n"""
@@ -252,24 +252,24 @@ class State(NamedTuple):
     bias: Any
     """average and bias of the gyro, deg/s"""
     clock: Any
-    """s since the sensors began to be used; from -ALIGNMENTS to 0 it counts samples"""
+    """s since the alignment; during it, from -ALIGNMENTS to 0, number of samples"""
     rest_clock: Any
     """s without motion"""
     rested: Any
-    """1 after a rest, before -1"""
+    """1 after the first rest, -1 before it"""
     reference: Any = None
     """usual (horizontal, upward) field"""
     field_clock: Any = None
-    """as ``clock``, of the magnetometer"""
+    """like ``clock``, for the magnetometer"""
     field_age: Any = None
-    """s since there was a field"""
+    """s since the previous field sample"""
 
 
 class Settings(NamedTuple):
-    """What an update needs beside sample and state."""
+    """Parameters of an update."""
 
     period: Any
-    """T in s: a constant, or a value that is held in [0, LONGEST_PERIOD]"""
+    """T in s: a constant, or a value limited to [0, LONGEST_PERIOD]"""
     parameters: Parameters
     frame: Frame
     axes: dict
@@ -277,12 +277,12 @@ class Settings(NamedTuple):
 
 
 class Vertical(NamedTuple):
-    """What the specific force shows."""
+    """Results from the specific force."""
 
     first: Any
     second: Any
     innovation: Any
-    """what the first low-pass has not followed yet, in n"""
+    """specific force minus the first low-pass, in n"""
     earth: Any
     """specific force in n"""
     tilt: Any
@@ -297,15 +297,15 @@ class Vertical(NamedTuple):
     starting: Any
     """part of the start-up ramp that is left; negative after it"""
     unusable: Any
-    """the condition that the specific force does not count"""
+    """condition: the specific force is not used"""
     missing: Any
-    """the condition that there is none"""
+    """condition: the specific force has no length"""
     margin: Any
-    """negative if it is beyond the sensor's range"""
+    """negative if the specific force is beyond the sensor's range"""
 
 
 class Gyro(NamedTuple):
-    """What the average of the gyro shows."""
+    """Results from the average of the gyro."""
 
     mean: Any
     rest_clock: Any
@@ -315,16 +315,16 @@ class Gyro(NamedTuple):
 
 
 class Heading(NamedTuple):
-    """What the field shows."""
+    """Results from the field."""
 
     correction: Any
-    """that of the tilt and the heading, in b"""
+    """correction of tilt and heading, in b"""
     state: dict
     status: dict
 
 
 def vertical(xp, a, c, state, settings):
-    """Low-passed specific force in n, and the correction of the tilt that it shows: a Vertical."""
+    """Low-passed specific force in n, and the correction of the tilt from it: a Vertical."""
     period, p, frame, _ = settings
     force = dot(a, a)
     missing = force < SHORTEST_SQUARE
@@ -346,7 +346,7 @@ def vertical(xp, a, c, state, settings):
 
 
 def gyro_average(xp, g, range_margin, up, state, settings):
-    """Average of the gyro, whether the body rests, and the bias that both show: a Gyro. ``up`` is a Vertical."""
+    """Average of the gyro, detection of rest, and bias of the gyro: a Gyro. ``up`` is a Vertical."""
     period, p = settings.period, settings.parameters
     smoothing = response(xp, period, p.rest_average_time)
     deviation = subtract(g, state.mean)
@@ -367,11 +367,11 @@ def gyro_average(xp, g, range_margin, up, state, settings):
 
 
 def heading(xp, m, c, tilt_b, state, settings):
-    """Correction of the tilt and of the heading that the field shows, and the field's state and status: a Heading."""
+    """Correction of tilt and heading, with the heading from the field; state and status of the field: a Heading."""
     p = settings.parameters
     h = transposed_vector(c, permute(settings.axes["m"], m))
     tangent, believed, distance, margin, absent = field_correction(xp, h, state.reference, settings.frame, p)
-    # Heading waits for the vertical.
+    # The heading is not corrected before the vertical is aligned.
     idle = xp.select(absent, -1.0, state.clock) < 0.0
     age = xp.minimum(state.field_age + settings.period, LONGEST_PERIOD)
     starting = 1 - state.field_clock * (1 / p.ramp_time)
@@ -394,9 +394,9 @@ def heading(xp, m, c, tilt_b, state, settings):
 
 
 def with_navigation_frame(up):
-    """Both low-passes of a Vertical, turned with n, which the correction turns under them: first and second.
+    """Both low-passes of a Vertical, rotated by the correction, which rotates n: first and second.
 
-    What the correction does to z, and what heading does to x and y, is of second order.
+    The effects of the correction on z, and of the heading on x and y, are of second order and left out.
     """
     x, y = add(up.tilt, up.tilt)
     return {name: (low[0] + y * low[2], low[1] - x * low[2], low[2])
@@ -404,7 +404,7 @@ def with_navigation_frame(up):
 
 
 def flight_update(xp, sensors, state, settings):
-    """One update of the filter. Without a field it is the 6-axis one, whose heading is the gyro's alone.
+    """One update of the filter. Without a field it is the 6-axis filter: its heading comes from the gyro alone.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ rad/s, held over the update period T. The matrix of the update,
 
     Φ = [[a, −p̄, −q̄, −r̄], [p̄, a, r̄, −q̄], [q̄, −r̄, a, p̄], [r̄, q̄, −p̄, a]],
 
-turns e by |omega|·T for a = cos(|omega|·T/2) and (p̄, q̄, r̄) = d·omega, d = sin(|omega|·T/2)/|omega|.
+rotates e by |omega|·T for a = cos(|omega|·T/2) and (p̄, q̄, r̄) = d·omega, d = sin(|omega|·T/2)/|omega|.
 """
 
 from .attitude import Update
@@ -18,7 +18,7 @@ __all__ = ["coning_correction", "quaternion_step", "quaternion_update", "rate_pr
 def transition_coefficients(xp, omega, a0, d0, period):
     """(a, d) from u = T²·(p² + q² + r²): a = Σ a0_i·uⁱ, d = Σ (T·d0_i)·uⁱ (steps a to c).
 
-    The patent prints u = T²/σ, which its own optimisation criteria contradict: it is T²·σ.
+    The patent prints u = T²/σ. Its own optimisation criteria contradict this; they need T²·σ.
     """
     u = period**2 * dot(omega, omega)
     return polynomial(a0, u), polynomial([period * coefficient for coefficient in d0], u)
@@ -43,10 +43,10 @@ def rate_product(e, omega):
 
 
 def coning_correction(xp, first, second, period):
-    """Rate that turns by the rotation vector Δθ₁ + Δθ₂ + 2/3·Δθ₁×Δθ₂ when held over T.
+    """Rate that rotates by the vector Δθ₁ + Δθ₂ + 2/3·Δθ₁×Δθ₂ when it is held over T.
 
     ``first`` and ``second`` are the mean rates over the halves of the period, Δθ = T/2·rate.
-    The vector product is the part that two turns about different axes leave over (Miller, 1983).
+    The vector product corrects for the change of the axis between the two halves (Miller, 1983).
     """
     mean = scale(0.5, add(first, second))
     return add(mean, scale(period / 6, cross(first, second)))

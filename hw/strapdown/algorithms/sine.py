@@ -15,7 +15,7 @@ COEFFICIENTS = (-0.16666666666666666, 0.008333333333333194, -0.00019841269841209
 
 
 def half_turn(xp, degrees):
-    """The angle between -180 and 180 degrees of an angle between -360 and 360."""
+    """An angle between -360 and 360 degrees, wrapped to -180 to 180 degrees."""
     degrees = xp.select(degrees > 180.0, degrees - 360, degrees)
     return xp.select(degrees < -180.0, degrees + 360, degrees)
 
@@ -23,9 +23,9 @@ def half_turn(xp, degrees):
 def sine_cosine(xp, degrees):
     """Sine and cosine of an angle in degrees, from -180 to 180: (sine, cosine).
 
-    The angle is brought to a quarter turn in degrees, which is exact next to the ends of each quarter,
-    where one of the two is small. Each is within 7·2**-p of itself, relatively, p being the precision of
-    the format, up to binary64's.
+    The angle is reduced to a quarter turn in degrees. The reduction is exact near the ends of each quarter,
+    where sine or cosine is small. The relative error of each is below 7·2**-p, where p is the precision of the
+    format, up to binary64.
     """
     size = xp.select(degrees < 0.0, -degrees, degrees)
     complement = 90 - size

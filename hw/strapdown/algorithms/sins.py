@@ -50,8 +50,8 @@ def earth_and_transport_rate(xp, c, v, h, earth):
 
     K·v = k·v + δ·n·(n·v) for n = (C13, C23): k = 1/(R_N + h) is the curvature eastwards, and
     δ = (1/(R_M + h) − k)/cos²L = e'²·k for h = 0. Then ω_ep^p = (−(K·v)_y, (K·v)_x, 0). The source has
-    K = (1 − e·C33² + 2e·n·nᵀ)/Re (garbled), which is this to first order in e. Here the terms in e²
-    and h are kept; the terms left out are 3e-8 of k for the ellipsoid and (h/Re)³.
+    K = (1 − e·C33² + 2e·n·nᵀ)/Re (its print is damaged), which equals this to first order in e. Here the
+    terms in e² and h are kept; the terms left out are 3e-8 of k for the ellipsoid and (h/Re)³.
 
     Returns (spin, transport); the z component of transport is zero and left out.
     """
@@ -67,7 +67,7 @@ def earth_and_transport_rate(xp, c, v, h, earth):
 
 
 def attitude_quaternion(xp, q, omega, before, turn, step, a0, d0):
-    """q := (1, −T/2·ω_ip^p)⊗q⊗(a, d·ω), not normalised: eq. 1 and 3, both turns in their own frames.
+    """q := (1, −T/2·ω_ip^p)⊗q⊗(a, d·ω), not normalised: eq. 1 and 3, each rotation in its own frame.
 
     Bortz' coning term T/12·(before × ω) is added to ω = ω_ib^b; ``before`` is the previous sample.
     a and d are the polynomials of source 001. ``turn`` is ω_ip^p. Returns (q, |ω|²).
@@ -95,8 +95,8 @@ def matrix_of_quaternion(xp, q):
 def velocity_half_change(xp, old, new, f, spin, turn, middle, down, step):
     """Half of V's change, T/2·(f^p − (2ω_ie^p + ω_ep^p) × V − (0, 0, down)): eq. 11.
 
-    f^p is f resolved in the mean of T at both ends of the interval. ``middle`` is V in its middle, ``turn`` is
-    ω_ie^p + ω_ep^p, and ``down`` is gravity plus the vertical loop's acceleration.
+    f^p is f resolved with the mean of T at both ends of the interval. ``middle`` is V in the middle of the
+    interval, ``turn`` is ω_ie^p + ω_ep^p, and ``down`` is gravity plus the vertical loop's acceleration.
     """
     force = matrix_vector([add(*rows) for rows in zip(old, new, strict=True)], scale(0.25 * step, f))
     x, y, z = cross(add(spin, turn), middle)
@@ -143,7 +143,7 @@ def alignment_quaternion(xp, f, omega):
     """Quaternion body to (east, north, up) at rest, any length, from sums of specific force and rate.
 
     Up is along f, east along ω × up. The quaternion is the column of 4·q·qᵀ with the largest diagonal
-    element (Shepperd, 1978), which is never short.
+    element (Shepperd, 1978), so its length is never near zero.
     """
     square, _ = length_squared(f)
     up = scale(xp.rsqrt(square), f)
@@ -184,7 +184,7 @@ def navigation_angles(xp, t, n, c):
     pitch = xp.atan2(t[2][1], xp.sqrt(t[2][0] * t[2][0] + t[2][2] * t[2][2]))
     roll = xp.atan2(-t[2][0], t[2][2])
     heading = DEGREES * xp.atan2(forward[0] * n[1] - forward[1] * n[0], dot(forward, n))
-    # As the yaw of the attitude cores: it is zero where adding 360 would round to 360.
+    # Like the yaw of the attitude cores, it is zero where adding 360 would round to 360.
     heading = xp.select(heading + 2.0**-15 < 0.0, heading + 360, xp.maximum(heading, 0.0))
     latitude, longitude = xp.atan2(c[2][2], cosine), xp.atan2(c[2][1], c[2][0])
     wander = xp.atan2(n[0], n[1])
@@ -203,12 +203,12 @@ class Sample(NamedTuple):
 
 
 class Start(NamedTuple):
-    """What a load starts from."""
+    """Start values of a load."""
 
     load: Any
     """above 1/2: this update loads"""
     align: Any
-    """above 1/2: the load begins an alignment; else ``q`` is the attitude"""
+    """above 1/2: the load starts an alignment; else ``q`` is the attitude"""
     place: Any
     """latitude and longitude, degrees"""
     v: Any
@@ -220,7 +220,7 @@ class Start(NamedTuple):
 
 
 class State(NamedTuple):
-    """What an update leaves to the next; the bias is None without a vertical loop."""
+    """State between updates; the bias is None without a vertical loop."""
 
     q: Any
     t: Any
@@ -230,11 +230,11 @@ class State(NamedTuple):
     """half of the latest change of ``v``"""
     h: Any
     before: Any
-    """rate of the sample before; during an alignment the sum of all"""
+    """rate of the previous sample; during an alignment the sum of all samples"""
     force: Any
     """specific force likewise"""
     left: Any
-    """-1: navigates; from 1 on: aligns, so many samples are left; 0: waits for a start"""
+    """-1: navigates; 1 or more: aligns, number of samples left; 0: waits for a start"""
     bias: Any = None
     """of the vertical loop, m/s²"""
 
@@ -246,7 +246,7 @@ class Settings(NamedTuple):
     period: float
     """s"""
     samples: int
-    """that an alignment averages"""
+    """number of samples that an alignment averages"""
     damping: float
     """time constant of the vertical loop, s; 0 without one"""
     a0: tuple[float, ...]
@@ -259,16 +259,16 @@ class Settings(NamedTuple):
 
 
 class Mode(NamedTuple):
-    """What an update does."""
+    """Actions of an update."""
 
     loads: Any
-    """the condition that it takes the start values"""
+    """condition: the update takes the start values"""
     place: Any
     """start latitude and longitude, degrees, the latter between -180 and 180"""
     place_excess: Any
-    """positive if one of them is out of range"""
+    """positive if a start angle is out of range"""
     step: Any
-    """s: the period while the core navigates, else zero, which leaves velocity and position as they are"""
+    """s: the period while the core navigates, else zero, so that velocity and position do not change"""
     finishes: Any
     """negative if this is the last sample of an alignment"""
     total_rate: Any
@@ -277,7 +277,7 @@ class Mode(NamedTuple):
     next_left: Any
     next_before: Any
     next_force: Any
-    """what the next update finds in the state"""
+    """values of these fields in the next state"""
 
 
 def chosen(xp, condition, a, b):
@@ -286,7 +286,7 @@ def chosen(xp, condition, a, b):
 
 
 def mode(xp, sample, start, state, settings):
-    """What this update does, a Mode: load, align, navigate or wait."""
+    """The Mode of this update: load, align, navigate or wait."""
     loads, after = start.load > 0.5, state.left - 1
     place, place_excess = start_angles(xp, start, loads)
     step = xp.select(loads, 0.0, xp.select(state.left < 0.0, settings.period, 0.0))
@@ -302,7 +302,7 @@ def mode(xp, sample, start, state, settings):
 def start_angles(xp, start, loads):
     """Start latitude and longitude in degrees, the latter between -180 and 180: (angles, excess).
 
-    Both are zero without a load, when the inputs may be any numbers. The excess is positive if latitude or
+    Without a load, the inputs may be any numbers, and both angles are zero. The excess is positive if latitude or
     longitude is out of range.
     """
     latitude, longitude = (xp.select(loads, angle, 0.0) for angle in start.place)
@@ -313,9 +313,9 @@ def start_angles(xp, start, loads):
 def sins_update(xp, sample, start, state, settings):
     """One update of SINS_top.
 
-    An update with a load takes the start values with its sample; it may begin an alignment, of which this
-    sample is the first. While the core does not navigate the step is zero, so that the same equations leave
-    velocity and position as they are.
+    An update with a load takes the start values with its sample. It may start an alignment, with this sample as
+    the first. While the core does not navigate, the step is zero, so that the same equations do not change
+    velocity and position.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def sins_update(xp, sample, start, state, settings):
         moved_c = position_matrix(xp, c, transport, step)
         c = tuple(chosen(xp, loads, *rows) for rows in zip(start_position(xp, *does.place), moved_c, strict=True))
     with xp.section("OUTPUT"):
-        # A load shows the start angles themselves, and north along the platform's y: no output waits for a sine.
+        # A load gives out the start angles unchanged, with north along the platform's y: no output waits for a sine.
         n = chosen(xp, loads, (0.0, 1.0), (moved_c[0][2], moved_c[1][2]))
         attitude, position, cosine = navigation_angles(xp, t, n, moved_c)
         east, north = north_east_velocity(xp, n, v, xp.select(loads, 1.0, cosine))

@@ -9,8 +9,8 @@ __all__ = ["SHORTEST_SQUARE", "add", "scale", "dot", "cross", "length_squared", 
 
 SHORTEST_SQUARE = 2.0**-100
 """Added to a squared length before a division by it: a vector shorter than 2**-50 (of any unit) has
-no direction. The sum keeps every quotient finite, gives a correction of zero for a vector of length
-zero, and does not change a square of 2**-75 or more, of which it is less than half an ulp."""
+no direction. The sum keeps every quotient finite, and gives a correction of zero for a vector of length
+zero. It does not change a square of 2**-75 or more, because it is less than half an ulp of it."""
 
 
 def add(a, b):
@@ -38,7 +38,7 @@ def cross(a, b):
 
 
 def length_squared(a):
-    """(Squared length of three components plus ``SHORTEST_SQUARE``, whether the squared length is less than that)."""
+    """(Squared length of three components plus ``SHORTEST_SQUARE``, true if the squared length is below this)."""
     x, y, z = a
     square = (x * x + y * y) + (z * z + SHORTEST_SQUARE)
     return square, square < 2 * SHORTEST_SQUARE

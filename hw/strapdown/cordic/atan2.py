@@ -15,7 +15,7 @@ from .tables import SCALE, round_shift, scaled_atan, scaled_reciprocal_gain
 
 __all__ = ["CordicAtan2", "Polar"]
 
-# How an angle comes about: 0 to 4 stand for so many quarters of pi, exactly rounded.
+# Sources of an angle: the numbers 0 to 4 mean that many quarters of pi, correctly rounded.
 _NAN, _COMPUTED = 5, 6
 
 
@@ -27,7 +27,7 @@ class Polar(NamedTuple):
 
 
 class CordicAtan2(CordicComponent):
-    """Four-quadrant arctangent, ``result = atan2(y, x)``, and on demand the vector's length.
+    """Four-quadrant arctangent, ``result = atan2(y, x)``, and optionally the vector's length.
 
     Parameters
     ----------
@@ -37,28 +37,28 @@ class CordicAtan2(CordicComponent):
         Fraction bits of the fixed-point data path, at least precision + 2, at most 59, so that the
         twin fits 64 bits; None means precision + 5, or precision + 6 with ``magnitude``.
     iterations : int or None
-        CORDIC steps, at least precision + 2, rounded up to fill the last cycle; None means
+        CORDIC steps, at least precision + 2, rounded up to a multiple of ``steps_per_cycle``; None means
         precision + 6.
     steps_per_cycle : int or None
         CORDIC steps between two ranks of registers, at least 1; None means 2
         iterative, 1 pipelined.
     iterative : bool
-        Whether one set of registers is used again and again; otherwise each step has a circuit
-        of its own, and an operation may start in every cycle. Both give the same bits.
+        True: all steps use one set of registers. False: each step has a separate circuit, and an
+        operation may start in every cycle. Both give the same bits.
     magnitude : bool
-        Whether there is an output ``magnitude``; it costs one multiplication by a constant.
+        True for an output ``magnitude``; it costs one multiplication by a constant.
 
     Members
     -------
     y, x, start : In(format), In(format), In(1)
-        Ordinate and abscissa, any common unit; taken while ``start`` is high, which is ignored
+        Ordinate and abscissa, any common unit; taken while ``start`` is high. ``start`` is ignored
         in the ``interval - 1`` cycles after that.
     result : Out(format)
         Angle from the x axis to (x, y), rad, from -pi to pi (both as rounded to the format).
     magnitude : Out(format)
         Length of (x, y), in the unit of both; only with ``magnitude=True``.
     done : Out(1)
-        High for one cycle an operation, in which results are valid; iterative, they hold until the next.
+        High for one cycle per operation; results are valid in this cycle, iterative until the next ``done``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``, for all operands: 4 plus
     ``iterations / steps_per_cycle``, plus the normalisation of gradual subnormals: 2 iterative,
@@ -66,23 +66,23 @@ class CordicAtan2(CordicComponent):
     Accuracy: the angle within ``error_bound_ulp``, subnormal results included, binary32 and
     binary64 by default 0.69 ulp; the length within ``magnitude_error_bound_ulp``, binary32 by
     default 0.68, binary64 0.80 ulp. A flushed angle is compared after the steps, before rounding.
-    Special values: of the angle those of C99 for signed zeros and infinities, every multiple of
-    pi/4 among them correctly rounded; a NaN operand gives the format's NaN. The length is
-    hypot's: infinite if an operand is, NaN or not, and exact if one is zero.
-    Raises: TypeError if ``format`` is no FloatFormat; ValueError for unusable numbers.
+    Special values: the angle follows C99 for signed zeros and infinities, with every multiple of
+    pi/4 correctly rounded; a NaN operand gives the format's NaN. The length follows hypot: it is
+    infinite if an operand is infinite, even if the other is NaN, and exact if one operand is zero.
+    Raises: TypeError if ``format`` is not a FloatFormat; ValueError for unusable numbers.
     Source: Volder 1959, The CORDIC trigonometric computing technique; Walther 1971, A unified
     algorithm for elementary functions; ISO/IEC 9899:1999, F.9.1.4 and F.9.4.3.
     """
 
-    # With X and Y the operands' magnitudes, exchanged so that Y does not have the larger exponent,
-    # and d >= 0 the exponents' difference, x = X and y = 2**d Y start in [1, 2). Step k = 0, 1, ...
-    # turns by the angle of i = d + k, and y and the angle z are doubled as they shrink:
+    # X and Y are the operands' magnitudes, exchanged so that Y does not have the larger exponent. d >= 0
+    # is the difference of the exponents; x = X and y = 2**d Y start in [1, 2). Step k = 0, 1, ...
+    # rotates by the angle of i = d + k, and y and the angle z are doubled in each step:
     #
     #     y' = 2 (y -+ x),    x' = x + 2**(-2i) |y|,    z' = 2 z +- 2**i atan(2**-i),
     #
     # with the upper signs if y >= 0. So z has the leading bits of 2**d atan(Y / X), however small
-    # that is, and index i alone selects shift and angle. In the other octants the angle is what is
-    # left of pi/2 or pi, and z goes back to its place, 2**-d, before.
+    # that is, and index i alone selects shift and angle. In the other octants the angle is pi/2 or pi
+    # minus or plus this angle, and z is first shifted back to its place, by 2**-d.
 
     def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=None, iterative=True, magnitude=False):
         self._take(format, least_exponent_width=3, iterations=iterations, steps_per_cycle=steps_per_cycle,
@@ -102,7 +102,7 @@ class CordicAtan2(CordicComponent):
         self._reciprocal_gains = [*(self._fixed(scaled_reciprocal_gain(i)) for i in range(self._last)),
                                   1 << self._width]
         self._constants = [*(_encode_quarters(format, n) for n in range(5)), format.nan]
-        # What the other octants start from, in units of 2**-(width + 1).
+        # Start angles of the other octants, in units of 2**-(width + 1).
         self._half_pi, self._pi = (self._fixed(turns * scaled_atan(0)) for turns in (4, 8))
 
     def _fixed(self, scaled):
@@ -110,7 +110,7 @@ class CordicAtan2(CordicComponent):
 
     @property
     def has_magnitude(self):
-        """Whether there is an output ``magnitude``."""
+        """True if the operator has an output ``magnitude``."""
         return self._magnitude
 
     @property
@@ -120,40 +120,40 @@ class CordicAtan2(CordicComponent):
 
     @property
     def error_bound(self):
-        """Error of the angle before the final rounding, in ulp of the result, at most.
+        """Upper bound of the angle's error before the final rounding, in ulp of the result.
 
         A small angle times 2**d, a, lies between 0.46 and 2. Its absolute error is the sum of
 
-        - what is left: |y| <= 2x holds at the start and, since |y'| = 2||y| - x| and x' >= x,
+        - the remaining angle: |y| <= 2x holds at the start and, since |y'| = 2||y| - x| and x' >= x,
           after each step: at most 2 * 2**-iterations;
         - the table: half a unit, 2**-width / 2, times 2**-k in step k: at most 2**-width in all;
-        - the cut of x: less than one unit in step k turns the vector by at most 2**-k units over
-          x: at most 2 * 2**-width / x, where 1 / x <= 2**d * tan(a / 2**d), which is a, nearly;
-        - what steps from row ``last`` on leave out: r**3 / 3 * 4**-last, at most r**3 / 3 units, of
-          an angle whose tangent is 2**-last * r.
+        - the truncation of x: less than one unit in step k rotates the vector by at most 2**-k units over
+          x: at most 2 * 2**-width / x, where 1 / x <= 2**d * tan(a / 2**d), which is nearly a;
+        - the terms that steps from row ``last`` on leave out: r**3 / 3 * 4**-last, at most r**3 / 3
+          units, for an angle whose tangent is 2**-last * r.
 
-        This weighs most for a just below 1/2, where an ulp is 2**-(precision + 1) and r < 1/2 makes
-        the last term less than 1/24 unit: 2**(precision + 1) * (2 * 2**-iterations + 2.05 * 2**-width).
-        For larger angles the ulp grows faster than the sum. Other octants inherit the error, times
-        2**-d, and at most 2**-width more, of pi, of the alignment and of the ones' complement, and
-        have ulps at least twice as large.
+        The error in ulp is largest for a just below 1/2, where an ulp is 2**-(precision + 1) and r < 1/2
+        makes the last term less than 1/24 unit: 2**(precision + 1) * (2 * 2**-iterations + 2.05 * 2**-width).
+        For larger angles the ulp grows faster than the sum. Other octants have the same error, times
+        2**-d, and at most 2**-width more from pi, from the alignment and from the ones' complement, but
+        their ulps are at least twice as large.
         """
         return 2.0 ** (self._format.precision + 2) * (2.0 ** -self.iterations + 1.025 * 2.0 ** -self._width)
 
     @property
     def magnitude_error_bound_ulp(self):
-        """Error of the length in ulp, at most, its final rounding included.
+        """Upper bound of the length's error in ulp, its final rounding included.
 
         The length over 2**(exponent of X), from 1 to 2.83, is x after the steps over the gain of the
         steps from d on. Its error is less than the sum, in units of 2**-width, of
 
-        - the cuts of x: one unit in each of ``last`` steps, none of which the gain enlarges;
-        - what steps from row ``last`` on leave out, r <= 2 being the tangent times 2**last:
-          x r**2 / 2 * 4**-last, at most 4 units;
-        - what is left of y: its square, 4 * 4**-iterations, less than one unit;
+        - the truncations of x: one unit in each of ``last`` steps, and the gain increases none of them;
+        - the terms that steps from row ``last`` on leave out: x r**2 / 2 * 4**-last, at most 4 units, where
+          r <= 2 is the tangent times 2**last;
+        - the remaining y: its square, 4 * 4**-iterations, less than one unit;
         - half a unit of the factor, times x < 4.7: at most 2.4 units.
 
-        An ulp is 2**(1 - precision) at least.
+        An ulp is at least 2**(1 - precision).
         """
         return 0.5 + (self._last + 7.4) * 2.0 ** (self._format.precision - 1 - self._width)
 
@@ -178,7 +178,7 @@ class CordicAtan2(CordicComponent):
             [_NAN, np.where(negative_x, 3, 1), np.where(negative_x, 4, 0), 2], _COMPUTED)
         computed = kind == _COMPUTED
 
-        # Prepare. What does not have to be computed takes part as 1 and 1.
+        # Prepare. Special cases, which need no computation, use 1 and 1 as operands.
         y_exponent, y = self._normalised(y, computed)
         x_exponent, x = self._normalised(x, computed)
         swap = x_exponent < y_exponent
@@ -186,7 +186,7 @@ class CordicAtan2(CordicComponent):
         distance, top_exponent = np.abs(x_exponent - y_exponent), np.maximum(x_exponent, y_exponent)
         first = np.minimum(distance, self._last)
 
-        # Iterate. ``x ^ ones`` is -x - 1 where ones is -1. z is kept in two limbs.
+        # Iterate. ``x ^ ones`` is -x - 1 where ones is -1. z is stored in two parts.
         table = np.array(self._table)
         low, high, mask = np.zeros_like(x), np.zeros_like(x), (1 << width + 1) - 1
         for step in range(self.iterations):
@@ -207,7 +207,7 @@ class CordicAtan2(CordicComponent):
         base = np.where(swap, self._half_pi, np.where(negative_x, self._pi, 0))
         z = base + ((z >> (shift & 1) >> 2 * np.minimum(shift >> 1, self._last)) ^ np.where(swap ^ negative_x, -1, 0))
 
-        # Round. No sticky bit: the angle is irrational.
+        # Round. The angle is irrational, so no sticky bit is needed.
         exponent = np.where(small, np.maximum(-distance, -fmt.bias) if fmt.gradual else -distance, 0) - width - 1
         encoded, _ = round_encoding(fmt, np.False_, exponent, z, Rounding.NEAREST_EVEN, np.True_)
         encoded = np.where(computed, encoded, np.array([*self._constants, 0], dtype=np.uint64)[kind])
@@ -230,7 +230,7 @@ class CordicAtan2(CordicComponent):
         zeros = self._width + 1 - bit_length(number.significand)
         return number.exponent - zeros + self._width, number.significand << zeros
 
-    # The circuit. Each stage takes what it needs and gives what later ones need, as a namespace.
+    # The circuit. Each stage returns a namespace with the values that later stages need.
 
     def elaborate(self, platform):
         m = Module()
@@ -260,19 +260,19 @@ class CordicAtan2(CordicComponent):
 
     def _iterate(self, m):
         fmt, width = self._format, self._width
-        # x stays below 2 * sqrt(2) * 1.65 and |y| within 2x; z and its table are below 2.
+        # x is always below 2 * sqrt(2) * 1.65 and |y| at most 2x; z and its table are below 2.
         shapes = {"y": signed(width + 5), "x": width + 3, "z": width + self.iterations}
         loaded = self._load(m)
         r = self._registers(loaded, shapes)
         if fmt.gradual:
-            # The operands change places twice and pass the one normaliser on the way.
+            # The operands are exchanged twice, so that both pass the single normaliser.
             y, y_exponent = self._normalise(m, "significand", r.y[:width + 1], r.y_exponent)
             exchange = {"y": r.x, "y_exponent": r.x_exponent, "x": y, "x_exponent": y_exponent}
         prepared = self._prepare(m, r)
         self._registers(prepared, shapes, r)
         r.z = Signal(shapes["z"], name="z", reset_less=True)
 
-        # The first step's addition to x serves the alignment too.
+        # The adder of x in the first step also serves the alignment.
         aligning = Signal()
         ones = Mux(aligning, r.subtract, r.y[-1])
         grown = Signal(width + 3)
@@ -323,7 +323,7 @@ class CordicAtan2(CordicComponent):
 
     @staticmethod
     def _registers(values, shapes, registers=None):
-        """A register for every value that has none yet."""
+        """A register for every value that does not have one."""
         registers = registers or SimpleNamespace()
         for name, value in vars(values).items():
             if not hasattr(registers, name):
@@ -331,7 +331,7 @@ class CordicAtan2(CordicComponent):
         return registers
 
     def _carried(self, s, *names):
-        """What a stage hands on as it is."""
+        """The values that a stage passes on unchanged."""
         names += ("kind", "y_sign")
         if self._magnitude:
             names += ("is_nan", "is_infinite", "is_zero")
@@ -355,7 +355,7 @@ class CordicAtan2(CordicComponent):
             m.d.comb += kind.eq(2)
         with m.Else():
             m.d.comb += kind.eq(_COMPUTED)
-        # Exponents of normalised subnormals go down to 2 - precision; those of zeros lower.
+        # The least exponent of a normalised subnormal is 2 - precision; zeros have lower ones.
         lowest = 1 - fmt.precision if fmt.gradual else 0
         y_exponent, x_exponent = (Signal(range(lowest, fmt.exponent_special + 1), name=f"{name}_loaded")
                                   for name in ("y_exponent", "x_exponent"))
@@ -377,9 +377,9 @@ class CordicAtan2(CordicComponent):
         return Cat(C(0, padding), significand), following
 
     def _prepare(self, m, s):
-        """Exchange the operands if need be, and find first index, exponent and alignment."""
+        """Exchange the operands if necessary, and compute first index, exponent and alignment."""
         fmt = self._format
-        # Both differences at once: this is the longest path of the whole operator.
+        # Both differences are computed in parallel, because this is the longest path of the operator.
         difference, reverse = s.x_exponent - s.y_exponent, s.y_exponent - s.x_exponent
         swap, distance = Signal(name="exchanged"), Signal(range(fmt.exponent_special + fmt.precision))
         m.d.comb += [swap.eq(difference < 0), distance.eq(Mux(swap, reverse, difference))]
@@ -389,10 +389,10 @@ class CordicAtan2(CordicComponent):
         near = Mux(swap, reverse < self._last, difference < self._last)
         m.d.comb += first.eq(Mux(near, distance, self._last))
         if self._magnitude:
-            # The length is then x as it is.
+            # The length is then x itself.
             with m.If(s.y_is_zero | s.x_is_zero):
                 m.d.comb += first.eq(self._last)
-        # Small angles are rounded as 2**d times themselves, but subnormal ones only at their place.
+        # Small angles are rounded after multiplication by 2**d, but subnormal angles at their final place.
         small = ~(swap | s.x_sign)
         low = small & (distance > fmt.bias)
         shift = Signal.like(distance)
@@ -410,20 +410,20 @@ class CordicAtan2(CordicComponent):
         return prepared
 
     def _grow(self, s, ones, *, enable=None, known=0):
-        """x and y, shifted right by two places for each index, or its ones' complement."""
+        """x and y; y, or its ones' complement, is shifted right by two places for each index."""
         shifted = (s.y >> 2 * known) >> Cat(C(0, 1), s.index)
         addend = (shifted ^ ones.replicate(self._width + 3))[:self._width + 3]
         return (s.x + (addend if enable is None else addend & enable.replicate(len(addend))))[:self._width + 3]
 
     def _step(self, m, name, s, *, known=None, grown=None):
-        """One CORDIC step. The index counts from row ``known`` on, which is static, or is counted on.
+        """One CORDIC step. The index is relative to row ``known``, which is static, or it is incremented.
 
-        ``grown`` is x after the step, if there is a circuit for it already.
+        ``grown`` is x after the step, if another circuit computes it.
         """
         width, last = self._width, self._last
         y = Signal(signed(width + 5), name=f"y{name}")
         negative = s.y[-1]
-        # The carry of a subtraction enters at the low bit, which is zero in 2z and, always, in y.
+        # The carry of a subtraction enters at the low bit, which is zero in 2z and always in y.
         turn = ~negative
         m.d.comb += y.eq((Cat(turn, s.y[1:]).as_signed() + (s.x ^ turn.replicate(len(y)))) << 1)
         values = {**vars(s), "y": y}
@@ -439,7 +439,7 @@ class CordicAtan2(CordicComponent):
             angle = Array(C(row, width + 1) for row in rows)[s.index]
             m.d.comb += z.eq(Cat(negative, s.z) + (angle ^ negative.replicate(len(z))))
         else:
-            # A table of ones: z takes a binary digit.
+            # The table has only ones here, so z gets a binary digit.
             z = Signal(len(s.z) + 1, name=f"z{name}")
             m.d.comb += z.eq(Cat(C(0, 1), s.z[:width - 1], s.z[width - 1:] + Mux(negative, -1, 1)))
         values["z"] = z
@@ -450,7 +450,7 @@ class CordicAtan2(CordicComponent):
         return SimpleNamespace(**values)
 
     def _begin_alignment(self, s):
-        """The angle in place of y and what it is added to, or taken from, in place of x."""
+        """The angle in place of y. In place of x the value from which it is subtracted, or to which it is added."""
         angle = s.z[self.iterations - 2:]
         base = Mux(s.swap, self._half_pi, Mux(s.subtract, self._pi, 0))
         begun = SimpleNamespace(
@@ -470,9 +470,9 @@ class CordicAtan2(CordicComponent):
         return ended
 
     def _round(self, m, s):
-        """Round, and put special cases in."""
+        """Round, and insert special cases."""
         fmt = self._format
-        # The top bit weighs 2**(exponent - bias). At most three zeros lead it, unless the
+        # The top bit weighs 2**(exponent - bias). It has at most three leading zeros, unless the
         # result is subnormal, which keeps the weight of exponent 1.
         top = s.aligned[-(fmt.precision + 4):]
         stop = [top[-1 - zeros] | (s.exponent == zeros + 1 if fmt.gradual else 0) for zeros in range(3)]
@@ -483,7 +483,7 @@ class CordicAtan2(CordicComponent):
             rounded.eq((top << shift)[3:]),
             stored.eq(Mux(rounded[-1] | (not fmt.gradual), s.exponent - shift, 0)),
         ]
-        # No sticky bit: the angle is irrational, and what lies below the guard bit is within its error.
+        # No sticky bit is needed: the angle is irrational, and the bits below the guard bit are within its error.
         encoded = round_significand(fmt, stored, rounded[1:], rounded[0], 1)
         angle = Signal(fmt.width - 1)
         with m.Switch(s.kind):
@@ -495,7 +495,7 @@ class CordicAtan2(CordicComponent):
         results = SimpleNamespace(result=Cat(angle, s.y_sign & (s.kind != _NAN)))
 
         if self._magnitude:
-            # The length lies between 1 and 4; what is less is off by its error.
+            # The length lies between 1 and 4; it can be less than 1 only by its error.
             double, single = s.product[-1], s.product[-2]
             extended = Mux(double, Cat(C(1, 1), s.product[1:]),
                            Mux(single, Cat(C(1, 1), s.product[:-1]), 1 << fmt.precision + 1))

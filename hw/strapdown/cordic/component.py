@@ -1,4 +1,4 @@
-"""What the floating-point CORDIC operators share: parameters, and ranks of registers for the pipelined ones."""
+"""Base of the floating-point CORDIC operators: parameters, and register ranks of the pipelined ones."""
 
 import operator
 from types import SimpleNamespace
@@ -15,10 +15,10 @@ __all__ = ["CordicComponent", "blockwise"]
 
 
 class CordicComponent(Described):
-    """Base of the operators that do some CORDIC steps a cycle, over and over or in ranks one after another.
+    """Base of the operators that make several CORDIC steps per cycle, iterative or pipelined.
 
-    A subclass checks and keeps its parameters by ``_take`` before it calls ``__init__`` with its
-    data members, and supplies ``latency``.
+    A subclass checks and stores its parameters with ``_take`` before it calls ``__init__`` with its
+    data members. It defines ``latency``.
     """
 
     def _take(self, format, *, least_exponent_width, iterations, steps_per_cycle, iterative,
@@ -62,27 +62,27 @@ class CordicComponent(Described):
 
     @property
     def steps_per_cycle(self):
-        """Steps between two ranks of registers."""
+        """Steps between two register ranks."""
         return self._steps_per_cycle
 
     @property
     def iterative(self):
-        """Whether one set of registers serves all cycles of an operation, in place of a pipeline."""
+        """True if one set of registers serves all cycles of an operation, in place of a pipeline."""
         return self._iterative
 
     @property
     def interval(self):
-        """Least number of cycles between two starts; iterative, a load overlaps with the rounding before it."""
+        """Least number of cycles between two starts. If iterative, a load overlaps with the previous rounding."""
         return self.latency - 1 if self._iterative else 1
 
     @property
     def error_bound_ulp(self):
-        """Error of a result in ulp, at most, its final rounding included."""
+        """Upper bound of a result's error in ulp, its final rounding included."""
         return 0.5 + self.error_bound
 
     @staticmethod
     def _rank(m, name, values):
-        """The same values one cycle later; only ``valid`` is ever reset."""
+        """The same values one cycle later; only ``valid`` has a reset."""
         registered = SimpleNamespace()
         for key, value in vars(values).items():
             register = Signal.like(value, name=f"{name}_{key}", reset_less=key != "valid")
@@ -92,7 +92,7 @@ class CordicComponent(Described):
 
 
 def blockwise(function, *arrays):
-    """``function`` of arrays of one shape, a tuple of such, computed in blocks that stay in the cache."""
+    """``function`` of arrays of one shape, computed in blocks that fit the cache; returns a tuple of arrays."""
     flat = [np.ravel(array) for array in arrays]
     block = 1 << 13
     parts = [function(*(array[start:start + block] for array in flat))

@@ -13,7 +13,7 @@ from .tables import SCALE, least_remainder, round_shift, scaled_atan, scaled_rec
 
 __all__ = ["CordicSinCos", "SinCos"]
 
-# Binary digits of the quotient by pi/2: operands stay below 2**_REDUCTIONS.
+# Binary digits of the quotient by pi/2: operands are below 2**_REDUCTIONS.
 _REDUCTIONS = 8
 
 
@@ -35,34 +35,34 @@ class CordicSinCos(CordicComponent):
         Fraction bits of the fixed-point data path, at least precision + 3, at most 60; None means
         precision + 7.
     iterations : int or None
-        CORDIC steps, at least precision + 2, rounded up to fill the last cycle; None means
+        CORDIC steps, at least precision + 2, rounded up to a multiple of ``steps_per_cycle``; None means
         precision + 6.
     steps_per_cycle : int or None
         Steps of the reduction and of CORDIC between two ranks of registers, 1 to 8; None means 2
         iterative, 1 pipelined.
     iterative : bool
-        Whether one set of registers is used again and again; otherwise each step has a circuit
-        of its own, and an operation may start in every cycle. Both give the same bits.
+        True: all steps use one set of registers. False: each step has a separate circuit, and an
+        operation may start in every cycle. Both give the same bits.
 
     Members
     -------
     angle, start : In(format), In(1)
-        Angle, rad, below ``limit`` = 256 rad in magnitude; taken while ``start`` is high, which is
+        Angle, rad, below ``limit`` = 256 rad in magnitude; taken while ``start`` is high. ``start`` is
         ignored in the ``interval - 1`` cycles after that.
     sin, cos : Out(format), Out(format)
         Its sine and cosine.
     done : Out(1)
-        High for one cycle an operation, in which results are valid; iterative, they hold until the next.
+        High for one cycle per operation; results are valid in this cycle, iterative until the next ``done``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``, for all operands: 3 plus
     ``8 / steps_per_cycle``, rounded up, plus ``iterations / steps_per_cycle``; binary32 by default
     22 cycles iterative, 41 pipelined. One angle every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
-    Accuracy: within ``error_bound_ulp`` of either result, for every operand below ``limit``, close
-    to multiples of pi/2 too, and with subnormal results included; by default binary32 0.74 ulp,
-    binary64 0.80 ulp. A flushed result is compared after the steps, before rounding.
-    Special values: sin(-0) is -0; angles below 2**-n, n half the precision (rounded up), give
-    themselves and 1; NaN, infinities and finite angles from ``limit`` on give the format's NaN twice.
-    Raises: TypeError if ``format`` is no FloatFormat; ValueError for unusable numbers.
+    Accuracy: each result within ``error_bound_ulp``, for every operand below ``limit``, also close
+    to multiples of pi/2 and for subnormal results; by default binary32 0.74 ulp, binary64 0.80 ulp.
+    A flushed result is compared after the steps, before rounding.
+    Special values: sin(-0) is -0; angles below 2**-n, where n is half the precision (rounded up), give
+    sin = angle and cos = 1; NaN, infinities and angles of ``limit`` and above give the format's NaN for both.
+    Raises: TypeError if ``format`` is not a FloatFormat; ValueError for unusable numbers.
     Source: Volder 1959, The CORDIC trigonometric computing technique; Walther 1971, A unified
     algorithm for elementary functions.
     """
@@ -79,21 +79,21 @@ class CordicSinCos(CordicComponent):
             raise ValueError(f"width must be from {least} to 60, not {self._width!r}")
         super().__init__(("angle",), ("sin", "cos"))
 
-        # The reduction counts units of 2**-reduced, so small that what is left of the angle, however
-        # close to a multiple of pi/2 it was, still has ``width`` good bits.
+        # The reduction uses units of 2**-reduced. They are so small that the remaining angle has ``width``
+        # correct bits, even if the operand is very close to a multiple of pi/2.
         half_pi = 2 * scaled_atan(0)
         remainders = [least_remainder(precision, exponent) for exponent in range(_REDUCTIONS)]
         zeros = SCALE - min(remainders).bit_length()
         self._reduced = zeros + self._width + 3
 
         self._half_pi = round_shift(half_pi, SCALE - self._reduced)
-        # Greatest quotient times the error of pi/2, relative to the least angle left.
+        # Greatest quotient times the error of pi/2, relative to the least remaining angle.
         offset = abs((self._half_pi << SCALE - self._reduced) - half_pi)
         self._reduction_error = max(((2 << exponent) + 1) / 1.57 * offset / remainder
                                     for exponent, remainder in enumerate(remainders))
-        # An angle left is normalised so far that its sine, if normal, is too.
+        # A remaining angle is normalised so far that its sine is normalised, too, if it is a normal number.
         self._most_zeros = min(format.bias - 2, zeros)
-        # Angles below 2**-tiny are their own sines.
+        # Angles below 2**-tiny equal their sines.
         self._tiny = (precision + 1) // 2
 
         # From this step on, which may be the first, x keeps its value and the angle of a step rounds to 2**-i.
@@ -115,24 +115,24 @@ class CordicSinCos(CordicComponent):
 
     @property
     def error_bound(self):
-        """Error of a result before the final rounding, in ulp of the result, at most.
+        """Upper bound of a result's error before the final rounding, in ulp of the result.
 
-        Let a = 2**i0 * angle, 0.5 <= |a| < 1, for the first step i0. The angle turned differs from a by
+        Let a = 2**i0 * angle, 0.5 <= |a| < 1, for the first step i0. The total rotation differs from a by
 
-        - what is left after the steps: 2**(1 - iterations);
+        - the remaining angle after the steps: 2**(1 - iterations);
         - the table: half a unit, 2**-width / 2, times 2**-k in step k: at most one unit;
-        - the cut of a to width - 1 bits: less than 2.2 units, with the ones' complement;
+        - the truncation of a to width - 1 bits: less than 2.2 units, with the ones' complement;
 
-        and by the error of the reduction, relative to a. To that 2**i0 * sin adds
+        and by the error of the reduction, relative to a. The error of 2**i0 * sin also contains
 
         - the rounding of x: half a unit in step k weighs at most 2**-k after it, and half a
-          unit of the preset weighs |sin|: at most one unit.
+          unit of the initial value weighs |sin|: at most one unit.
 
-        Since 2**i0 * |sin| > 0.479, an ulp of it is at least 2**-(precision + 1); a subnormal sine
-        is less than that, but not its ulp. The cosine, from 0.54 to 1, has ulps of 2**-precision.
-        The angle's error, times 0.85, and that of sin, which is less than 2 units, change it, as do
-        half a unit of each step and of the preset. A tiny angle's results are off by at most 1/6
-        and 1/2 ulp in all.
+        Since 2**i0 * |sin| > 0.479, an ulp of it is at least 2**-(precision + 1). A subnormal sine
+        is smaller than that, but its ulp is not. The cosine, from 0.54 to 1, has ulps of 2**-precision.
+        Its error contains the angle's error, times 0.85, the error of sin, which is less than 2 units, and
+        half a unit for each step and for the initial value. The errors of a tiny angle's results are at most
+        1/6 and 1/2 ulp in all.
         """
         ulp, unit, left = 2.0**-self._format.precision, 2.0**-self._width, 2.0 ** (1 - self.iterations)
         return max(2 * (left + 4.5 * unit), 0.85 * left + (self.iterations / 2 + 5) * unit) / ulp \
@@ -143,7 +143,7 @@ class CordicSinCos(CordicComponent):
         return -(-_REDUCTIONS // self._steps_per_cycle)
 
     def compute(self, angle):
-        """Bit-exact software twin: array of the format's dtype, any shape, to ``SinCos`` of such arrays."""
+        """Bit-exact software twin: takes an array of the format's dtype, any shape; returns a ``SinCos`` of arrays."""
         return SinCos(*blockwise(self._compute, self._format.array(angle)))
 
     def _compute(self, angle):
@@ -211,14 +211,14 @@ class CordicSinCos(CordicComponent):
             for (small, small_sign), (large, large_sign) in zip(own, results, strict=True))
 
     def _encode(self, exponent, extended):
-        """Encodings, rounded, of significands with a guard bit; ``exponent`` is 1 for subnormal ones."""
+        """Rounded encodings of significands with a guard bit; ``exponent`` is 1 for subnormal numbers."""
         fmt = self._format
         normal = extended >> fmt.precision
         encoded = (exponent * normal << fmt.fraction_width) + \
             (extended >> 1 & ((1 << fmt.fraction_width) - 1)) + (extended & 1)
         return encoded if fmt.gradual else encoded * normal
 
-    # The circuit. Each stage takes what it needs and gives what later ones need, as a namespace.
+    # The circuit. Each stage returns a namespace with the values that later stages need.
 
     def elaborate(self, platform):
         m = Module()
@@ -228,7 +228,7 @@ class CordicSinCos(CordicComponent):
     def _pipeline(self, m):
         s = self._load(m)
         s.valid = self.start
-        # Angles below 1 take no reduction step, and greater ones as many as their exponent says.
+        # Angles below 1 need no reduction step; for greater ones the exponent gives the number of steps.
         s = self._rank(m, "load", s)
         for step in range(_REDUCTIONS):
             s = self._reduce(m, f"_{step}", s, step)
@@ -249,7 +249,7 @@ class CordicSinCos(CordicComponent):
     def _iterate(self, m):
         width = self._width
         # v holds the angle, in units of 2**-reduced, then the sine; z and x count units of 2**-width.
-        # |z| stays within 1 and x between 0.19 and 1, nearly.
+        # |z| is at most 1, and x is between about 0.19 and 1.
         loaded = self._load(m)
         r = SimpleNamespace(**{name: Signal(value.shape(), name=name, reset_less=True)
                                for name, value in vars(loaded).items()})
@@ -260,7 +260,7 @@ class CordicSinCos(CordicComponent):
                 setattr(r, name, Signal(value.shape(), name=name, reset_less=True))
         cycle = Signal(range(max(self._reduce_cycles, self._cycles)), reset_less=True)
 
-        # Reduce and turn share the additions to v. The steps that an angle needs are the last ones.
+        # Reduction and rotation share the additions to v. An angle with fewer reduction steps uses the last ones.
         reducing = Signal()
         reduced = turned = r
         for step in range(self._steps_per_cycle):
@@ -306,14 +306,14 @@ class CordicSinCos(CordicComponent):
 
     @staticmethod
     def _carried(s, *names):
-        """What a stage hands on as it is."""
+        """The values that a stage passes on unchanged."""
         names += ("quotient", "operand", "tiny", "lost")
         if hasattr(s, "valid"):
             names += ("valid",)
         return {name: getattr(s, name) for name in names}
 
     def _load(self, m):
-        """Unpack, and place the angle so that it takes ``digits`` reduction steps."""
+        """Unpack, and align the angle for ``digits`` reduction steps."""
         fmt, precision = self._format, self._format.precision
         a = unpack(m, fmt, self.angle, "angle")
         digits = Signal(range(_REDUCTIONS + 1))
@@ -330,7 +330,7 @@ class CordicSinCos(CordicComponent):
         if not self._iterative:
             s.digits = digits
             return s
-        # The last cycles do the steps; the right shift makes up for what else their first one does.
+        # The last cycles make the steps; the right shift compensates for extra steps in the first of them.
         s.active_cycles = Signal(range(self._reduce_cycles + 1), name="filled_cycles")
         aligned = Signal(self._reduced)
         with m.Switch(digits):
@@ -344,9 +344,9 @@ class CordicSinCos(CordicComponent):
         return s
 
     def _digit(self, v):
-        """One quotient digit: what it does to the angle and to the quotient."""
-        # The angle doubles and, if it was at least 0.5 in magnitude, loses pi/2 of its sign: it
-        # stays within 1, by any quotient digits.
+        """One quotient digit: the new angle and the new quotient."""
+        # The angle is doubled. If its magnitude was at least 0.5, pi/2 of its sign is subtracted. So its
+        # magnitude stays within 1, for all quotient digits.
         negative = v[self._reduced]
         digit = negative ^ v[self._reduced - 1]
         return SimpleNamespace(
@@ -354,7 +354,7 @@ class CordicSinCos(CordicComponent):
             after=lambda quotient: Cat(digit, quotient[0] ^ (digit & negative)))
 
     def _reduce(self, m, name, s, step):
-        """Reduction step number ``step`` of a pipeline, for the angles that have one."""
+        """Reduction step number ``step`` of a pipeline, for the angles that need it."""
         digit, active = self._digit(s.v), s.digits > step
         v = Signal.like(s.v, name=f"reduced{name}")
         m.d.comb += v.eq(Mux(active, _double(s.v, digit.subtract, digit.addend)[:len(v)].as_signed(), s.v))
@@ -362,10 +362,10 @@ class CordicSinCos(CordicComponent):
                                   "quotient": Mux(active, digit.after(s.quotient), s.quotient)})
 
     def _prepare(self, m, s):
-        """Normalise the angle and take the gain's reciprocal, both for the first step."""
+        """Normalise the angle and select the reciprocal gain, both for the first step."""
         width, fmt = self._width, self._format
-        # An angle of less than 0.5 at the start was not reduced and has no zeros here. A
-        # limit of all ones is none to angles whose sines are normal, and costs nothing.
+        # An angle below 0.5 was not reduced and has no leading zeros here. A limit of all ones does not
+        # affect angles whose sines are normal, and needs no logic.
         limit = self._most_zeros
         if limit < fmt.bias - 2:
             limit = (1 << limit.bit_length()) - 1
@@ -380,10 +380,10 @@ class CordicSinCos(CordicComponent):
             exponent=(fmt.bias - first)[:fmt.exponent_width], **self._carried(s))
 
     def _turn(self, m, name, s, known=None):
-        """One CORDIC step but for v. The index counts from row ``known`` on, or is counted on itself."""
-        # z turns towards zero. v, half of 2**i times the sine, doubles and takes x up; x falls by
-        # v >> 2 * i - 1, rounded to nearest. The carries of subtractions enter at the low bits, zero
-        # in doubled numbers.
+        """One CORDIC step without v. The index is relative to row ``known``, or it is incremented."""
+        # z is rotated towards zero. v, half of 2**i times the sine, is doubled and x is added; v >> 2 * i - 1,
+        # rounded to nearest, is subtracted from x. The carries of subtractions enter at the low bits, which are
+        # zero in doubled numbers.
         base, last, width = known or 0, self._last, self._width
         turn = SimpleNamespace(backward=s.z[-1], z=Signal(signed(width + 2), name=f"z{name}"))
         forward = ~turn.backward
@@ -402,10 +402,10 @@ class CordicSinCos(CordicComponent):
         return turn
 
     def _round(self, m, s):
-        """Round both results and put them, or special cases, in their places."""
+        """Round both results, and select them or the special cases."""
         fmt, precision = self._format, self._format.precision
-        # No sticky bits: the results are irrational, and what lies below the guard bits is
-        # within their errors. The sine's top bit weighs 2**(exponent - bias); one or two zeros lead it,
+        # No sticky bits are needed: the results are irrational, and the bits below the guard bits are
+        # within their errors. The sine's top bit weighs 2**(exponent - bias); it has one or two leading zeros,
         # or more if it is subnormal.
         turned = s.v[-1]
         top = s.v[:self._width + self.iterations][-(precision + 3):] ^ turned.replicate(precision + 3)
@@ -438,5 +438,5 @@ class CordicSinCos(CordicComponent):
 
 
 def _double(v, subtract, addend):
-    """v doubled, plus or minus the addend; the carry of a subtraction enters at the low bit."""
+    """2v plus or minus the addend; the carry of a subtraction enters at the low bit."""
     return Cat(subtract, v).as_signed() + (addend ^ subtract.replicate(max(len(v), len(addend)) + 2))

@@ -5,7 +5,7 @@ import math
 __all__ = ["SCALE", "scaled_atan", "scaled_reciprocal_gain", "least_remainder", "round_shift"]
 
 SCALE = 256
-"""Fraction bits of the integers that constants are computed from."""
+"""Fraction bits of the integers from which constants are computed."""
 
 
 def scaled_atan(i):
@@ -17,7 +17,7 @@ def scaled_atan(i):
 
 def scaled_reciprocal_gain(first):
     """1 / K of the steps from ``first`` on, in units of 2**-SCALE; the last 8 bits are uncertain."""
-    # The square of 1 / K is the product of 1 / (1 + 4**-i), of which factors past SCALE / 2 are 1.
+    # The square of 1 / K is the product of 1 / (1 + 4**-i); factors past SCALE / 2 are 1.
     product = 1 << 2 * SCALE
     for i in range(first, SCALE):
         product = (product << 2 * i) // ((1 << 2 * i) + 1)
@@ -25,9 +25,9 @@ def scaled_reciprocal_gain(first):
 
 
 def least_remainder(precision, exponent):
-    """Least distance from a multiple of pi/2, in units of 2**-SCALE, that numbers with at most
-    ``precision`` significant bits, the last of which weighs 2**(exponent + 1 - precision), may have."""
-    # The best approximations of a ratio are its convergents, which Euclid's algorithm passes.
+    """Least distance from a multiple of pi/2, in units of 2**-SCALE, of all numbers with at most
+    ``precision`` significant bits whose last bit weighs 2**(exponent + 1 - precision)."""
+    # The best approximations of a ratio are its convergents, which Euclid's algorithm computes.
     half_pi = 2 * scaled_atan(0)
     before, factor_before = half_pi, 0
     remainder, factor = (1 << SCALE + exponent + 1 - precision) % half_pi, 1

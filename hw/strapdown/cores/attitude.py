@@ -127,7 +127,7 @@ def ins_euler(config):
     """System of INS_euler."""
     def equations(xp, c):
         c11, c12, c13, c23, c33 = c
-        # Held at zero or above: rounding may take c13 past one.
+        # Limited to zero or above: rounding may make c13 greater than one.
         cosine = xp.sqrt(xp.maximum(1 - c13 * c13, 0.0))
         return Update({"angles": attitude.euler_angles(xp, c11, c12, c13, cosine, c23, c33)})
 
@@ -171,7 +171,7 @@ def ins_top(config):
 
 ATTITUDE_CORES = {"INS_acc": ins_acc, "INS_mag": ins_mag, "INS_gyro": ins_gyro, "INS_quat": ins_quat,
                   "INS_matx": ins_matx, "INS_euler": ins_euler, "INS_atan": ins_atan, "INS_top": ins_top}
-"""Module name to the function that makes its System for an AttitudeConfig."""
+"""Maps each module name to the function that makes its System for an AttitudeConfig."""
 
 
 THESIS = AttitudeConfig(
@@ -197,8 +197,8 @@ MAHONY = AttitudeConfig(
 
 THESIS_X8 = THESIS.replace(
     name="thesis_x8", description="eight IMUs on one core, each with the filter of the 2015 thesis",
-    # The clock rate counts, not the latency of an operation: iterative operators take one step a cycle,
-    # and there are as many of them as the interval needs.
+    # The clock rate matters here, not the latency of an operation. Iterative operators make one step per cycle,
+    # and the pool has as many of them as the interval needs.
     channels=8, interval=106,
     pool=Pool(operators=(Adder(latency=5), Multiplier(latency=4), Divider(count=2, bits_per_cycle=1),
                          Arctangent(steps_per_cycle=1), Selector()),

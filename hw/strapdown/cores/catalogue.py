@@ -1,4 +1,4 @@
-"""The named configurations, the modules that they have, and the core of a module."""
+"""The named configurations, their modules, and the core of a module."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ CONFIGS = {config.name: config for config in (
 
 
 def modules_of(config):
-    """Names of the modules that a configuration has; with several channels the main module only."""
+    """Names of the modules of a configuration; with several channels, only the main module."""
     modules = tuple(config.systems())
     return modules if config.channels == 1 else (f"{modules[-1]}_x{config.channels}",)
 
@@ -52,4 +52,4 @@ def make_core(module: str, config: Config) -> Core:
 
 MODULES = {name: tuple(config for config in CONFIGS.values() if name in modules_of(config))
            for name in dict.fromkeys(name for config in CONFIGS.values() for name in modules_of(config))}
-"""Module name to the named configurations that have it."""
+"""Maps each module name to the named configurations that have the module."""

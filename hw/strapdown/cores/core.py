@@ -1,4 +1,4 @@
-"""An engine under the ports that its users' RTL instantiates."""
+"""An engine as a Verilog module with its published ports."""
 
 from strapdown.kernel.engine import Engine
 
@@ -8,7 +8,7 @@ __all__ = ["Core"]
 
 
 class Core(Top):
-    """A self-contained Verilog module with an engine, and nothing around it.
+    """A self-contained Verilog module with an engine, without a wrapper.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ class Core(Top):
     engine : type
         Kind of engine.
     **parameters
-        What else it takes.
+        Further parameters of the engine.
 
     Members
     -------

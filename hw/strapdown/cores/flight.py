@@ -1,4 +1,4 @@
-"""INS_flight: the flight attitude filter under the ports of INS_top, and more."""
+"""INS_flight: the flight attitude filter, with the ports of INS_top and more outputs."""
 
 from typing import Annotated, Literal
 
@@ -76,7 +76,7 @@ class FlightConfig(Config):
 
 STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
           "range_exceeded")
-"""Status bits, lowest first; the 6-axis filter leaves those of the magnetometer out."""
+"""Status bits, lowest first; the 6-axis filter has none of the magnetometer."""
 
 KERNELS = (flight.flight_update, flight.turned, flight.matrix_of_turn, flight.vertical, flight.low_pass,
            flight.tilt_correction, flight.gyro_average, flight.bias_update, flight.heading, flight.field_correction,

@@ -1,4 +1,4 @@
-"""A core that sends what it finds over a serial line, as SINS_uart does."""
+"""A core that sends its outputs over a serial line, like SINS_uart."""
 
 from amaranth import *
 from amaranth.lib import wiring
@@ -14,16 +14,16 @@ __all__ = ["UartLink", "uart_core"]
 
 
 class UartLink(Wrapper):
-    """An engine, and a sender of a frame of its outputs after each update.
+    """An engine, and a sender that sends its outputs in a frame after each update.
 
-    The frame is the first of ``FRAME_TYPES`` of which the engine has a port ``out_NAME`` for each quantity.
+    The frame is the first of ``FRAME_TYPES`` for which the engine has a port ``out_NAME`` for each quantity.
 
     Parameters
     ----------
     engine : Engine or Wrapper
-        With a status port.
+        An engine with a status port.
     sample_rate_hz : float
-        Updates a second.
+        Updates per second.
     clock_hz, baud_rate : float
         As in ``UartTransmitter``.
 
@@ -35,10 +35,10 @@ class UartLink(Wrapper):
     out_link_busy : Out(1)
         High while a frame is sent.
     out_link_overrun : Out(1)
-        The last update was not sent, because a frame was.
+        The last update was not sent, because a frame was being sent.
 
-    Latency: the engine's; the first start bit begins two cycles after the finish has risen.
-    Raises: ValueError if no frame holds the engine's outputs, or in another format; if the engine has several
+    Latency: that of the engine; the first start bit begins two cycles after the finish has risen.
+    Raises: ValueError if no frame holds the engine's outputs, or none holds their format; if the engine has several
     channels; if the frame takes longer than a sample period; and as ``UartTransmitter``.
     """
 
@@ -69,7 +69,7 @@ class UartLink(Wrapper):
 
     @property
     def equations(self):
-        """None: the header of the core without the link quotes them."""
+        """None: they are in the header of the core without the link."""
         return ()
 
     @property
@@ -110,7 +110,7 @@ class UartLink(Wrapper):
 
 
 def _frame_type(system, channels, ports):
-    """The type of frame that holds the status and outputs of a system, of which these ports can be read."""
+    """The type of frame that holds the status and outputs of a system; ``ports`` are those that can be read."""
     if channels > 1:
         raise ValueError(f"a frame has no channel number: {system.name} with its {channels} channels cannot be linked")
     for kind in FRAME_TYPES.values():
@@ -128,7 +128,7 @@ def uart_core(config, *, clock_hz, baud_rate):
     """
     module = main_module(config)
     system = system_of(module, config)
-    # Checked here too: a schedule takes seconds.
+    # Checked here too, because scheduling takes seconds.
     _frame_type(system, config.channels, {*system.output_ports, system.finish, system.status_port})
     engine = make_core(module, config).engine
     return Top(UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate))

@@ -33,13 +33,13 @@ FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 """The vendor's operators take subnormals as zeros and produce none."""
 
 MAXIMUM_LATENCY = 64
-"""More than any of the vendor's operators."""
+"""Greatest latency in cycles; greater than that of any vendor operator."""
 
 
 VENDOR_CONTROL = Control(
     CLOCK, Port("sclr", In, 1, "synchronous clear, overrides ce"), reset_level=1, asynchronous=False,
     enable=Port("ce", In, 1, "clock enable"))
-"""Clock, clear and enable of the vendor's cores. The reset of a clock domain overrides the enable, as sclr does ce."""
+"""Clock, clear and enable of the vendor's cores. A clock domain's reset overrides the enable, so sclr overrides ce."""
 
 
 @dataclass(frozen=True)
@@ -49,25 +49,25 @@ class VendorKind:
     Attributes
     ----------
     name, title : str
-        Module name, and what it computes.
+        Module name, and its function.
     latency, least_latency : int
-        The vendor's number of cycles, and the least number that is possible here.
+        Latency of the vendor's core, and the least latency that is possible here, cycles.
     make : callable
         Makes this project's operator, with at most as many register ranks as its argument.
     twin : callable
-        The operator and arrays, in the order of ``operands``, to the array of results.
+        Function of the operator and of arrays, in the order of ``operands``; returns the array of results.
     operands : tuple of Port
         Data inputs.
     result : Port
         Data output.
     notes : tuple of str
-        Rounding and special values, a sentence each.
+        Rounding and special values, one sentence each.
     new_data : str
         Name of the port that takes the operands.
     members : dict
-        Vendor's port to the member of the operator, where the names differ.
+        Maps the vendor's port to the member of the operator, where the names differ.
     constants : dict
-        Members of the operator that are no ports, and their values.
+        Members of the operator that are constant, and their values.
     """
 
     name: str
@@ -101,7 +101,7 @@ class RankedOperator(Described):
 
     Members
     -------
-    As ``VendorOperator``, without clk, sclr and ce.
+    Those of ``VendorOperator`` without clk, sclr and ce.
     """
 
     def __init__(self, kind, latency):
@@ -126,7 +126,7 @@ class RankedOperator(Described):
 
     @property
     def title(self):
-        """What it computes."""
+        """Its function, in words."""
         return self._kind.title
 
     @property
@@ -148,12 +148,12 @@ class RankedOperator(Described):
 
     @property
     def notes(self):
-        """Rounding and special values, those of the format included, a sentence each."""
+        """Rounding and special values, those of the format included, one sentence each."""
         notes = [*self._kind.notes]
         if any(port.width == 32 for port in self._kind.operands):
-            notes.append("A subnormal operand counts as zero of its sign.")
+            notes.append("A subnormal operand counts as zero of the same sign.")
             if self._kind.result.width == 32:
-                notes.append("A result below 2^-126, before rounding, becomes zero of its sign.")
+                notes.append("A result below 2^-126, before rounding, becomes zero of the same sign.")
         return tuple(notes)
 
     @property
@@ -220,7 +220,7 @@ class VendorOperator(Top):
     Operands and result have the vendor's names; see ``kind``.
 
     Latency: ``latency`` cycles with ``ce`` high; one operation per cycle; no back-pressure.
-    Accuracy, special values: those of ``operator``. Subnormals count as zeros of their sign.
+    Accuracy, special values: those of ``operator``. Subnormals count as zeros of the same sign.
     Raises: ValueError for an unknown name or a latency out of range.
     Source: the ports that thesis RTL connects; see docs/operators.md.
     """
@@ -262,13 +262,13 @@ class VendorOperator(Top):
 
 
 def _pipeline(make, **parameters):
-    """A maker of an operator with at most one rank for each of its cuts."""
+    """A function that makes an operator with at most one register rank for each of its cuts."""
     most = len(make.PIPELINE.cuts)
     return lambda latency: make(**parameters, latency=min(latency, most))
 
 
 def _recurrence(make):
-    """A maker of a digit recurrence with as few bits per cycle as the latency allows."""
+    """A function that makes a digit recurrence with as few bits per cycle as the latency allows."""
     def fitting(latency):
         for bits_per_cycle in range(1, FLUSHED32.precision + 2):
             recurrence = make(FLUSHED32, bits_per_cycle=bits_per_cycle)

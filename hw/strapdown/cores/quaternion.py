@@ -22,7 +22,7 @@ class QuaternionConfig(Config):
     order: int = Field(ge=2, le=8, description="order j of the polynomials in u = (|omega|·T)²")
     method: Literal["least-squares", "minimax"] = Field(
         default="minimax",
-        description="how coefficients are found: as in the patent, or with the smallest maximum error")
+        description="design of the coefficients: as in the patent, or with the smallest maximum error")
     renormalise_every: int = Field(default=0, ge=0, le=1_000_000,
                                    description="number of updates from one renormalisation to the next; 0: never")
     coning: bool = Field(

@@ -1,4 +1,4 @@
-"""Numbers that are computed before generation: the coefficients of the kernels' polynomials."""
+"""Coefficients of the kernels' polynomials, computed before generation."""
 
 from .polynomial import arctangent_coefficients, sine_coefficients
 from .quaternion import METHODS, TransitionCoefficients, least_squares, minimax, smallest_order

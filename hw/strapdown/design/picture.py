@@ -19,7 +19,7 @@ def error_picture(path, designs, *, period_s, highlighted):
     period_s : float
         Update period, seconds.
     highlighted : TransitionCoefficients
-        The one of ``designs`` that is drawn with a thick line.
+        The element of ``designs`` that is drawn with a thick line.
     """
     figure = Figure(figsize=(9.0, 5.4), dpi=150, layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)

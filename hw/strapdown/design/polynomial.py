@@ -38,14 +38,14 @@ def arctangent_coefficients(order):
 def sine_coefficients(order):
     """Coefficients c_0 … c_order of sin(t) = t + t·u·Σ c_i·uⁱ, u = t², for 0 <= t <= π/2.
 
-    Their largest error relative to sin(t) is minimal. Parameters and result as of ``arctangent_coefficients``.
+    Their largest error relative to sin(t) is minimal. Parameters and result are as in ``arctangent_coefficients``.
     """
     with localcontext(prec=DIGITS):
         return _odd_function(_sine_ratio, order, (2 * _arctangent(Decimal(1))) ** 2)
 
 
 def _odd_function(ratio, order, last):
-    """Coefficients and largest relative error of t + t·u·Σ c_i·uⁱ for t·ratio(u), with u from 0 to ``last``."""
+    """Coefficients and largest relative error of t + t·u·Σ c_i·uⁱ against t·ratio(u), with u from 0 to ``last``."""
     with localcontext(prec=DIGITS):
         coefficients = remez(lambda u: (ratio(u) - 1) / u if u else Decimal(0), lambda u: u / ratio(u), order, last,
                              grid=4000)
@@ -55,17 +55,17 @@ def _odd_function(ratio, order, last):
 
 
 def _sine_ratio(u):
-    """sin(t)/t of u = t²."""
+    """sin(t)/t as a function of u = t²."""
     return _series(lambda n, term: -term * u / ((2 * n) * (2 * n + 1)))
 
 
 def _arctangent_ratio(u):
-    """atan(t)/t of u = t²."""
+    """atan(t)/t as a function of u = t²."""
     return _arctangent(u.sqrt()) / u.sqrt() if u else Decimal(1)
 
 
 def _arctangent(t):
-    """atan(t): the half of the angle has the tangent t/(1 + sqrt(1 + t²))."""
+    """atan(t): half of the angle has the tangent t/(1 + sqrt(1 + t²))."""
     halvings = 4
     for _ in range(halvings):
         t = t / (1 + (1 + t * t).sqrt())
@@ -79,7 +79,7 @@ def _arctangent(t):
 
 
 def _series(following):
-    """1 + following(1, 1) + …, each term made from its number and the term before it."""
+    """1 + following(1, 1) + …: each term is a function of its number and the previous term."""
     total = term = Decimal(1)
     n = 0
     while abs(term) > Decimal(10) ** -DIGITS:
@@ -114,9 +114,9 @@ def interpolate(nodes, values):
 def remez(function: Callable, weight: Callable, order: int, last: Decimal, *, grid: int = 400):
     """Minimax polynomial of ``function`` on [0, last] for an error times ``weight``.
 
-    On order + 2 nodes the error alternates in sign with one magnitude; the nodes then move to the
-    extremes of the error. Its largest value is found on a grid of ``grid`` intervals, whose spacing costs a
-    relative 1e-4 of the error at most with 400 of them: second order in the distance from the extreme.
+    On order + 2 nodes the error alternates in sign with equal magnitude; the nodes then move to the
+    extremes of the error. The largest error is found on a grid of ``grid`` intervals. With 400 intervals this makes
+    a relative difference of 1e-4 at most, because the difference is of second order in the distance from the extreme.
 
     Raises: ArithmeticError if the exchange does not settle.
     """

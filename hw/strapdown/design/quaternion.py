@@ -19,7 +19,7 @@ from .polynomial import DIGITS, evaluate, interpolate, remez
 __all__ = ["METHODS", "TransitionCoefficients", "least_squares", "minimax", "smallest_order"]
 
 LARGEST_ANGLE = 3.0
-"""Largest rotation in one update, rad: at pi the sign of its axis would be ambiguous."""
+"""Largest rotation in one update, rad: at pi the direction of the rotation would be ambiguous."""
 HIGHEST_ORDER = 8
 
 
@@ -32,7 +32,7 @@ class TransitionCoefficients:
     a0, d0 : tuple of float
         Coefficients of u⁰ … uʲ: a = Σ a0_i·uⁱ, d = T·Σ d0_i·uⁱ, u = (|omega|·T)².
     largest_angle : float
-        End of the range for which they are designed: |omega|·T from 0 to this, rad.
+        End of the design range: |omega|·T from 0 to this, rad.
     method : str
         "least-squares" or "minimax".
     """
@@ -48,7 +48,7 @@ class TransitionCoefficients:
         return len(self.a0) - 1
 
     def rounded(self, dtype):
-        """These coefficients rounded to a NumPy type, as a circuit of that format has them."""
+        """These coefficients rounded to a NumPy type, as in a circuit of that format."""
         return replace(self, a0=tuple(map(float, np.array(self.a0, dtype))),
                        d0=tuple(map(float, np.array(self.d0, dtype))))
 
@@ -58,8 +58,8 @@ class TransitionCoefficients:
         Returns
         -------
         angle, norm : ndarray of float64
-            Excess of the rotation angle, rad; relative growth of the quaternion's norm. Of the
-            coefficients as float64 numbers, in exact arithmetic.
+            Excess of the rotation angle, rad; relative growth of the quaternion's norm. They are
+            those of the float64 coefficients, in exact arithmetic.
         """
         pairs = [self._errors(Decimal(float(x))) for x in np.ravel(angles)]
         angle, norm = (np.array(column, dtype=float).reshape(np.shape(angles)) for column in zip(*pairs, strict=True))
@@ -105,8 +105,8 @@ def least_squares(order, largest_angle):
 
     They minimise J1 = Σ_{i=0…j} [cos(iH/2) − a0·h_i]² and J2 = Σ_{i=1…j+1} [sin(iH/2) − d0·h_i·iH]²,
     h_i = (1, (iH)², (iH)⁴, …). There are as many nodes as coefficients, so both minima are
-    zero: the polynomials pass through all nodes. Each sum has an H of its own, so that its last node is
-    the end of the range; one H for both would leave a third of J1's range without a node at j = 2.
+    zero: the polynomials pass through all nodes. Each sum has a separate H, so that its last node is the
+    end of the range. With the same H for both, a third of J1's range would have no node at j = 2.
 
     Raises: ValueError if the order or the angle is out of range.
     """
@@ -157,10 +157,10 @@ def _series(u, odd):
 
 
 def _cosine(u):
-    """cos(x/2) of u = x²."""
+    """cos(x/2) as a function of u = x²."""
     return _series(u, 0)
 
 
 def _sine_over_angle(u):
-    """sin(x/2)/x of u = x²."""
+    """sin(x/2)/x as a function of u = x²."""
     return _series(u, 1) / 2

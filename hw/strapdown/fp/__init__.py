@@ -1,4 +1,4 @@
-"""Floating-point operators: unpack, compute, round, pack. Imports nothing of the package above it."""
+"""Floating-point operators: unpack, compute, round, pack. Imports nothing from other packages of the generator."""
 
 from .add import *
 from .compare import *

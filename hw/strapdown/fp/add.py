@@ -23,16 +23,16 @@ class FpAdd(PipelinedOperator):
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
     a, b, subtract, start : In(format), In(format), In(1), In(1)
-        Operands, any unit, and whether ``b`` is subtracted; taken while ``start`` is high.
+        Operands, any unit; 1 subtracts ``b``, 0 adds it. Taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: correctly rounded.
@@ -71,7 +71,7 @@ class FpAdd(PipelinedOperator):
         return exact.by_numpy(self._format, self._rounding, np.add, exact.add, a, self._addend(b, subtract))
 
     def compute_flags(self, a, b, subtract=False):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.add(self._format, a, self._addend(b, subtract), self._rounding)[1]
 
     def _addend(self, b, subtract):
@@ -85,8 +85,8 @@ class FpAdd(PipelinedOperator):
         rank = self.ranks(m)
         width = fmt.exponent_width
 
-        # Unpack, and subtract the exponents. Flushing needs no look at a hidden bit: a zero that is
-        # the smaller operand is shifted out, and two zeros are a matter of flags.
+        # Unpack, and subtract the exponents. Flushing does not need the hidden bit: a zero that is
+        # the smaller operand is shifted out, and the class flags select the result of two zeros.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
         b_sign = self.b.sign ^ self.subtract
         opposite = a.sign ^ b_sign
@@ -104,9 +104,9 @@ class FpAdd(PipelinedOperator):
             a_significand=a.significand if fmt.gradual else Cat(self.a.fraction, C(1, 1)),
             b_significand=b.significand if fmt.gradual else Cat(self.b.fraction, C(1, 1)))
 
-        # The operand of the smaller exponent moves right, into a guard and a round bit and a sticky
-        # bit; the sum needs no more. If that is b, the distance is the difference negated: its
-        # complement, and one place more, which is wired in. Far operands leave the sticky bit only.
+        # The operand of the smaller exponent moves right, into a guard bit, a round bit and a sticky
+        # bit; the sum needs no more bits. If b is this operand, the distance is the negated difference:
+        # its complement, and one place more, which is fixed wiring. A distant operand leaves only the sticky bit.
         swap = ~s.difference[-1]
         levels = (fmt.precision + 3).bit_length()
         distance = Cat(s.difference[:-1] ^ s.difference[-1].replicate(width), C(0, max(levels - width, 0)))
@@ -127,9 +127,9 @@ class FpAdd(PipelinedOperator):
         numbers = ("sign", "exponent", "both_are_zero")
         s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))
 
-        # Add. A difference is made as smaller + ~larger = -(larger - smaller) - 1: inverted again it
-        # is larger - smaller. Left as it is where that would be negative, which needs equal exponents,
-        # it lacks one unit in the last of its low bits, which are ones then: it will be rounded up.
+        # Add. A difference is computed as smaller + ~larger = -(larger - smaller) - 1. Its inverse is
+        # larger - smaller. If that is negative, which needs equal exponents, the sum is not inverted. It is
+        # then one unit of the lowest bit too small, but the low bits are ones, so rounding corrects it.
         total = Signal(fmt.precision + 4)
         larger = Cat(C(0, 3), s.larger, C(0, 1))
         m.d.comb += total.eq(s.smaller + (larger ^ s.opposite.replicate(len(total))))
@@ -144,8 +144,8 @@ class FpAdd(PipelinedOperator):
         if self._flags or not self._rounding.is_nearest:
             classes["lacks_unit"] = lacks_unit
 
-        # Normalise. The lowest bit is sticky or a one that lacks a unit, so it is what follows. A
-        # subnormal keeps the weight of exponent 1: no move by more than ``exponent``.
+        # Normalise. The lowest bit is the sticky bit, or a one that is a unit too small, so it is repeated
+        # from the right. A subnormal keeps the weight of exponent 1: no shift by more than ``exponent``.
         room = s.exponent[levels:].any() if fmt.gradual else C(1)
         magnitude, moved, room = _move_left(m, magnitude, levels - 1, s.exponent, room)
         s = rank("coarse", **classes, sign=s.sign ^ lacks_unit, exponent=s.exponent, both_are_zero=s.both_are_zero,
@@ -156,8 +156,8 @@ class FpAdd(PipelinedOperator):
             zeros = Cat(moved, zeros)
         s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
 
-        # Round, and compute the exponent in the same addition: 1 - zeros, of which all bits but the
-        # lowest are those of -(zeros >> 1); a subnormal has the exponent 0.
+        # Round, and compute the exponent in the same addition: it is 1 - zeros, and all its bits but the
+        # lowest are those of -(zeros >> 1). A subnormal has the exponent 0.
         significand, guard, sticky = s.magnitude[4:], s.magnitude[3], s.magnitude[:3].any()
         change = Cat(~s.zeros[0], *(s.zeros[bit] ^ s.zeros[1:bit].any() for bit in range(1, levels)),
                      s.zeros[1:].any().replicate(max(width + 1 - levels, 0)))[:width + 1]
@@ -178,7 +178,7 @@ class FpAdd(PipelinedOperator):
             outcome |= {"invalid": s.invalid, "inexact": (guard | sticky) & ~s.lacks_unit}
         s = rank("round", **outcome, rounded=rounded)
 
-        # Pack. What lies below the least normal number is exact, so rounding did not lift it.
+        # Pack. A result below the least normal number is exact, so rounding did not increase it.
         encoded, exponent = s.rounded[:-1], s.rounded[fmt.fraction_width:]
         tiny = (exponent[-1] | ~exponent[:-1].any()) & (not fmt.gradual)
         away = self._rounding.increments(s.sign, C(1), C(1), C(1))
@@ -198,7 +198,7 @@ class FpAdd(PipelinedOperator):
 
 
 def _shift_right(m, value, moves, level):
-    """``value`` shifted right by ``moves`` * 2**level, and whether a one was shifted out."""
+    """``value`` shifted right by ``moves`` * 2**level, and true if a one was shifted out."""
     lost = C(0)
     for move in moves:
         step = 1 << level
@@ -212,8 +212,8 @@ def _shift_right(m, value, moves, level):
 def _move_left(m, value, level, limit, room):
     """``value`` shifted left by 2**level, its lowest bit repeated, if it has as many leading zeros.
 
-    Not more than ``limit`` in all, unless ``room`` says that its higher bits, less the moves of
-    higher levels, are not zero. Returns (shifted value, whether it moved, ``room`` for the next level).
+    The shift of all levels is at most ``limit``. ``room`` is true if the higher bits of ``limit``, minus the shifts
+    of higher levels, are not zero. Returns (shifted value, true if it was shifted, ``room`` for the next level).
     """
     step = 1 << level
     here = limit[level] if level < len(limit) else C(0)

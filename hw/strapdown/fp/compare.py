@@ -14,7 +14,7 @@ __all__ = ["FpCompare", "FpRelation", "Relations", "RELATIONS"]
 
 
 class Relations(NamedTuple):
-    """What ``FpCompare.compute`` gives back: arrays of bool, at most one of the three true."""
+    """Result of ``FpCompare.compute``: arrays of bool, at most one of the three true."""
 
     less: np.ndarray
     equal: np.ndarray
@@ -29,8 +29,8 @@ RELATIONS = {
     ">": lambda less, equal, unordered: ~(less | equal | unordered),
     ">=": lambda less, equal, unordered: ~(less | unordered),
 }
-"""The six relations, each from the three outputs of ``FpCompare``: one-bit Values or arrays of bool.
-Of unordered operands only ``!=`` holds."""
+"""The six relations, each as a function of the three outputs of ``FpCompare``: one-bit Values or arrays of bool.
+If the operands are unordered, only ``!=`` is true."""
 
 
 def _relations(fmt, a, b):
@@ -45,7 +45,7 @@ def _flags(fmt, signalling, a, b):
 
 
 class FpCompare(PipelinedOperator):
-    """Relations between two floating-point numbers; ``RELATIONS`` makes any of the six.
+    """Relations between two floating-point numbers; ``RELATIONS`` derives any of the six.
 
     Parameters
     ----------
@@ -54,18 +54,18 @@ class FpCompare(PipelinedOperator):
     latency : int
         Register ranks, 1 or 2.
     signalling : bool
-        Whether a quiet NaN, too, is an invalid operand.
+        True if a quiet NaN is an invalid operand, too.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
     a, b, start : In(format), In(format), In(1)
         Operands, any unit, taken while ``start`` is high.
     less, equal, unordered, done : Out(1), Out(1), Out(1), Out(1)
-        ``a < b``, ``a = b``, and whether an operand is NaN; valid while ``done`` is high.
+        ``a < b``, ``a = b``, and high if an operand is NaN; valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this comparison, valid with it; only if wanted.
+        Exceptions of this comparison, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: exact.
@@ -91,7 +91,7 @@ class FpCompare(PipelinedOperator):
 
     @property
     def signalling(self):
-        """Whether a quiet NaN, too, is an invalid operand."""
+        """True if a quiet NaN is an invalid operand, too."""
         return self._signalling
 
     def compute(self, a, b):
@@ -99,7 +99,7 @@ class FpCompare(PipelinedOperator):
         return _relations(self._format, a, b)
 
     def compute_flags(self, a, b):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return _flags(self._format, self._signalling, a, b)
 
     def elaborate(self, platform):
@@ -107,8 +107,8 @@ class FpCompare(PipelinedOperator):
         fmt = self._format
         rank = self.ranks(m)
 
-        # Magnitudes compare like integers. A flushed subnormal need not be cleared for this: it
-        # is less than any normal number, and among zeros the magnitudes do not count.
+        # Magnitudes compare like integers. A flushed subnormal does not have to be cleared for this: it is
+        # less than any normal number, and the magnitudes of two zeros are ignored.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
         a_magnitude = Cat(self.a.fraction, self.a.exponent)
         b_magnitude = Cat(self.b.fraction, self.b.exponent)
@@ -132,7 +132,7 @@ class FpCompare(PipelinedOperator):
 
 
 class FpRelation(PipelinedOperator):
-    """Whether one relation holds between two floating-point numbers, ``result = a relation b``.
+    """One relation between two floating-point numbers, ``result = a relation b``.
 
     Parameters
     ----------
@@ -143,24 +143,24 @@ class FpRelation(PipelinedOperator):
     latency : int
         Register ranks, 1 or 2.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
     a, b, start : In(format), In(format), In(1)
         Operands, any unit, taken while ``start`` is high.
     result, done : Out(1), Out(1)
-        Whether the relation holds, valid while ``done`` is high.
+        High if the relation is true, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this comparison, valid with it; only if wanted.
+        Exceptions of this comparison, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: exact.
-    Special values: +0 = -0; of a NaN and any number, itself included, only ``!=`` holds.
-    Flags: invalid for signalling NaNs; of the four relations of order, for quiet ones as well.
+    Special values: +0 = -0; between a NaN and any number, itself included, only ``!=`` is true.
+    Flags: invalid for signalling NaNs; for the four relations of order also for quiet NaNs.
     Raises: ValueError if ``relation`` or ``latency`` is out of range.
-    Source: IEEE 754-2019, 5.11, tables 5.1 and 5.2: the predicates that have these signs, quiet
-    for equality and signalling for order.
+    Source: IEEE 754-2019, 5.11, tables 5.1 and 5.2: the predicates with these signs, quiet for
+    equality and signalling for order.
     """
 
     PIPELINE = FpCompare.PIPELINE
@@ -193,7 +193,7 @@ class FpRelation(PipelinedOperator):
         return RELATIONS[self._relation](*_relations(self._format, a, b))
 
     def compute_flags(self, a, b):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return _flags(self._format, self._signalling, a, b)
 
     def elaborate(self, platform):

@@ -14,7 +14,7 @@ __all__ = ["FpToFixed", "FixedToFp"]
 
 
 class _Converter(PipelinedOperator):
-    """Base of the two converters: a floating-point format beside a fixed-point one."""
+    """Base of the two converters, between a floating-point format and a fixed-point format."""
 
     def __init__(self, operands, results, *, format, width, fraction_bits, rounding, flags, latency):
         self._format = format
@@ -64,7 +64,7 @@ class FpToFixed(_Converter):
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -73,15 +73,15 @@ class FpToFixed(_Converter):
     result, done : Out(signed(width)), Out(1)
         Result in units of 2**-fraction_bits, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: correctly rounded.
-    Special values: what exceeds the range becomes the nearest end of it, infinities included;
+    Special values: a number out of range, infinities included, becomes the nearest end of the range;
     NaN becomes the largest number, as in the RISC-V instruction FCVT.W.S.
-    Flags: invalid for what exceeds the range when rounded, and for NaN; else inexact.
+    Flags: invalid for NaN, and for a number that is out of range after rounding; else inexact.
     Raises: ValueError if ``width``, ``fraction_bits``, ``rounding`` or ``latency`` is out of range.
-    Source: IEEE 754-2019, 5.4.1 and 5.8, operations *convertToIntegerExactTiesToEven* and its like.
+    Source: IEEE 754-2019, 5.4.1 and 5.8, operation *convertToIntegerExactTiesToEven* and similar ones.
     """
 
     PIPELINE = Pipeline(cuts=("distance", "coarse", "align", "result"),
@@ -99,7 +99,7 @@ class FpToFixed(_Converter):
         return exact.to_fixed(self._format, a, self._width, self._fraction_bits, self._rounding)[0]
 
     def compute_flags(self, a):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.to_fixed(self._format, a, self._width, self._fraction_bits, self._rounding)[1]
 
     def elaborate(self, platform):
@@ -107,8 +107,8 @@ class FpToFixed(_Converter):
         fmt = self._format
         rank = self.ranks(m)
 
-        # The significand starts with its top bit where the result has its sign, then moves right.
-        # What stays there exceeds the range, but for the least number, which is an end of it.
+        # The top bit of the significand starts at the place of the result's sign, then moves right. A number
+        # whose top bit stays there is out of range, except the least number, which is an end of the range.
         a = unpack(m, fmt, self.a, "a")
         length = max(self._width + 2, fmt.precision)
         levels = length.bit_length()
@@ -126,7 +126,7 @@ class FpToFixed(_Converter):
         aligned = shift_right_sticky(m, s.shifted, s.distance, "align")
         s = rank("align", **pick(s, ("sign", "saturates"), self._flagged), aligned=aligned)
 
-        # Round and negate in one addition: -(x + up) = ~x + 1 - up. The ends of the range need none.
+        # Round and negate in one addition: -(x + up) = ~x + 1 - up. The ends of the range do not need it.
         magnitude, guard = s.aligned[-self._width:-1], s.aligned[-self._width - 1]
         sticky = s.aligned[:-self._width - 1].any()
         up = self._rounding.increments(s.sign, magnitude[0], guard, sticky)
@@ -146,7 +146,7 @@ class FpToFixed(_Converter):
 
     @property
     def _flagged(self):
-        """What only the flags want to know."""
+        """Values that only the flags need."""
         return ("is_beyond",) if self._flags else ()
 
 
@@ -165,7 +165,7 @@ class FixedToFp(_Converter):
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -174,12 +174,12 @@ class FixedToFp(_Converter):
     result, done : Out(format), Out(1)
         Result, any unit, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: correctly rounded.
     Special values: 0 becomes +0.
-    Flags: inexact, and for formats of little range overflow and underflow, as in ``Flags``.
+    Flags: inexact, and for formats with a small range overflow and underflow, as in ``Flags``.
     Raises: ValueError if ``width``, ``fraction_bits``, ``rounding`` or ``latency`` is out of range.
     Source: IEEE 754-2019, 5.4.1, operation *convertFromInt*.
     """
@@ -196,7 +196,7 @@ class FixedToFp(_Converter):
         return exact.from_fixed(self._format, operand, self._fraction_bits, self._rounding)[0]
 
     def compute_flags(self, operand):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.from_fixed(self._format, operand, self._fraction_bits, self._rounding)[1]
 
     def elaborate(self, platform):

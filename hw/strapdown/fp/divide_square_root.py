@@ -23,22 +23,22 @@ RAISED = "invalid", "divide_by_zero"
 class DigitRecurrence(Described):
     """Base of the digit recurrences: one result bit in each step, pipelined or iterative.
 
-    The one for quotients and roots is here, non-restoring; a subclass may bring another.
-    With X the dividend, scaled to [B, 2B) for the divisor B in [1, 2), or the radicand, scaled to
-    [1, 4), the result is Q = 1.q_1 q_2 ... and step k = 0, 1, ... makes from the remainder R
+    This class has the non-restoring recurrence for quotients and roots; a subclass may have another.
+    X is the dividend, scaled to [B, 2B) for the divisor B in [1, 2), or the radicand, scaled to
+    [1, 4). The result is Q = 1.q_1 q_2 ... Step k = 0, 1, ... computes from the remainder R
 
         2R - T  if R >= 0,  else  2R + T + U,    and the bit  q_k = (new R >= 0),
 
-    from R = X/2 on, where T = B and U = 0 in division, and T = 2Q + 2**-k and U = 2**(1-k) in
-    square root, Q being the bits so far. A negative R is a subtraction not undone: U makes up
-    for what T has changed since. ``divisor`` holds B, or 2Q without the latest bit, which is seen
-    by the sign of R and so need not be written in the cycle that finds it; ``place`` holds 0 or 2**-k.
+    beginning with R = X/2. In division T = B and U = 0; in square root T = 2Q + 2**-k and
+    U = 2**(1-k), where Q has the bits so far. A negative R means that a subtraction has to be undone; U
+    corrects for the change of T since then. ``divisor`` holds B, or 2Q without the latest bit. The sign of
+    R gives this bit, so it is not written in the cycle that finds it. ``place`` holds 0 or 2**-k.
 
     Source: Ercegovac and Lang, Digital Arithmetic, 2004, chapters 5 and 6; for the square root
     Li and Chu, A new non-restoring square root algorithm, ICCD 1996.
     """
 
-    # Whether results may lie below the least normal number.
+    # True if results may lie below the least normal number.
     _may_be_subnormal = True
     _operands: tuple[str, ...] = ("a", "b")
     # The registers that a step changes.
@@ -68,17 +68,17 @@ class DigitRecurrence(Described):
 
     @property
     def bits_per_cycle(self):
-        """Result bits made in one cycle."""
+        """Result bits per cycle."""
         return self._bits_per_cycle
 
     @property
     def iterative(self):
-        """Whether one set of registers serves all cycles of an operation, in place of a pipeline."""
+        """True if one set of registers serves all cycles of an operation, in place of a pipeline."""
         return self._iterative
 
     @property
     def latency(self):
-        """Cycles from ``start`` to ``done``: one to unpack, the recurrence's and one to round, as a rule."""
+        """Cycles from ``start`` to ``done``: in general one to unpack, those of the recurrence, and one to round."""
         return self._cycles + 2 if self._iterative else len(self._cuts)
 
     @property
@@ -96,12 +96,12 @@ class DigitRecurrence(Described):
 
     @property
     def _least_bits(self):
-        """Result bits that the steps have to find: significand and guard bit."""
+        """Result bits that the steps compute: significand and guard bit."""
         return self._format.precision + 1
 
     @property
     def _cuts(self):
-        """The ranks of a pipeline: subnormal operands and results have their own."""
+        """The ranks of a pipeline; subnormal operands and results have additional ranks."""
         gradual = self._format.gradual
         return (*(("coarse", "normalise") if gradual else ()), "begin", *self._recurrence,
                 *(("align",) if gradual and self._may_be_subnormal else ()), "result")
@@ -120,7 +120,7 @@ class DigitRecurrence(Described):
         rank = Ranks(m, cuts, cuts, self.start)
 
         def keep(cut, s):
-            # The place of a bit is known here: a constant needs no registers.
+            # The place of a bit is a constant here and needs no registers.
             place = s.__dict__.pop("place")
             return SimpleNamespace(place=place, **vars(rank(cut, **vars(s))))
 
@@ -147,13 +147,13 @@ class DigitRecurrence(Described):
 
     def _iterate(self, m):
         begun = self._begin(m, self._normalise(m, self._unpack(m)))
-        # A one runs ahead of the quotient: its arrival at the top ends the recurrence.
+        # A leading one is shifted in front of the quotient; when it reaches the top, the recurrence ends.
         begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
                                for name, value in vars(begun).items()})
         steps = self._advance(m, s)
 
-        # The rounding cycle is the last look at the registers, so it may fill them anew.
+        # The rounding cycle is the last to read the registers, so a new operation may load them in it.
         busy, finishing, accept = Signal(), Signal(), Signal()
         m.d.comb += [finishing.eq(busy & s.quotient[-1]), accept.eq(self.start & (~busy | finishing))]
         m.d.sync += [busy.eq(accept | (busy & ~finishing)), self.done.eq(finishing)]
@@ -166,7 +166,7 @@ class DigitRecurrence(Described):
             m.d.sync += [getattr(self, name).eq(value) for name, value in self._outputs(m, self._normal(m, s)).items()]
 
     def _unpack(self, m):
-        """The operands: significands, exponents, and what goes with the recurrence as it is."""
+        """The operands: significands, exponents, and values that the recurrence passes on unchanged."""
         fmt = self._format
         square_root = self._select
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self._divisor, "b")
@@ -186,7 +186,7 @@ class DigitRecurrence(Described):
             is_zero=a.is_zero | (b.is_infinite & ~square_root))
 
     def _normalise(self, m, o, levels=None):
-        """The operands with the top bits of their significands one; ``levels`` as in ``stages.normalise``."""
+        """The operands with normalised significands; ``levels`` as in ``stages.normalise``."""
         values = dict(vars(o))
         for name in self._operands:
             of_significand, of_exponent = f"{name}_significand", f"{name}_exponent"
@@ -195,13 +195,13 @@ class DigitRecurrence(Described):
         return SimpleNamespace(**values)
 
     def _begin(self, m, o):
-        """The registers' first contents, all but ``quotient``, from the operands."""
+        """First contents of all registers but ``quotient``, from the operands."""
         fmt = self._format
         square_root = o.square_root
 
-        # Scale X by two if it is less than B, or if the root's exponent would not be whole: the
-        # bias is odd, so that is where a_exponent is even. One subtraction compares the significands
-        # and takes what is less off the difference of the exponents, as its borrow.
+        # Scale X by two if it is less than B, or if the root's exponent would not be an integer; the
+        # bias is odd, so this is the case for an even a_exponent. One subtraction compares the significands,
+        # and its borrow corrects the difference of the exponents.
         exponent = Signal(signed(max(fmt.exponent_width, fmt.fraction_width.bit_length()) + 2))
         biased, taken_off = Signal.like(exponent), Signal.like(exponent)
         difference = Signal(fmt.fraction_width + len(exponent))
@@ -215,7 +215,7 @@ class DigitRecurrence(Described):
         less = exponent[0] ^ biased[0] ^ taken_off[0]
         scale = Mux(square_root, ~o.a_exponent[0], less)
 
-        # Weights: bit 0 of remainder, divisor and place is that of the last quotient bit.
+        # Weights: bit 0 of remainder, divisor and place has the weight of the last quotient bit.
         last = self._bits - 1
         half = o.a_significand << (last - fmt.precision)
         remainder, divisor, place = Signal(last + 3), Signal(last + 2), Signal(last + 1)
@@ -237,7 +237,7 @@ class DigitRecurrence(Described):
         latest = (s.place << 2)[:len(s.divisor)]
         high = Mux(negative, trial[low:], ~trial[low:])
         if low:
-            # Where T is zero 2R stays as it is; a bit below the others makes the carry of a subtraction.
+            # Where T is zero, 2R does not change. A bit below the others makes the carry of a subtraction.
             kept = Cat(C(0, 1), s.remainder[:low - 1])
             total = Cat(kept, (Cat(~negative, s.remainder[low - 1:]) + Cat(~negative, high))[1:])
         else:
@@ -253,7 +253,7 @@ class DigitRecurrence(Described):
                                   "quotient": Cat(bit, s.quotient)})
 
     def _advance(self, m, s, first=None):
-        """The states after each step of one cycle, ``first`` being the number of its first step, if known."""
+        """The states after each step of one cycle; ``first`` is the number of its first step, if known."""
         states = [s]
         for index in range(self._bits_per_cycle):
             low = 0 if first is None else self._low_zeros(first + index)
@@ -261,28 +261,28 @@ class DigitRecurrence(Described):
         return states[1:]
 
     def _low_zeros(self, step):
-        """Low bits of T in a step that are zero for all operands, where leaving them out makes the circuit smaller."""
+        """Number of low bits of T that are zero in a step for all operands; 0 if omitting them saves no logic."""
         return 0
 
     @property
     def _raised(self):
-        """Exceptions that are known from the operands."""
+        """Exceptions that depend on the operands alone."""
         return RAISED if self._flags else ()
 
     @property
     def _needs_exactness(self):
-        """Whether an exact result must be distinguished from a near one."""
+        """True if an exact result must be distinguished from a near value."""
         return self._flags or not self._rounding.is_nearest
 
     def _normal(self, m, s):
-        """The result as ``round_and_pack`` wants it, from the last state."""
+        """The result in the form of ``round_and_pack``, from the last state."""
         fmt = self._format
         quotient = s.quotient[:self._bits]
-        # A root never lies halfway between two numbers, nor a quotient between two normal ones: the
-        # root's square, or the quotient's product with the divisor, would have too many bits.
+        # A root never lies halfway between two numbers, and a quotient never halfway between two normal
+        # numbers: the root's square, or the quotient times the divisor, would have too many bits.
         sticky = C(1)
         if fmt.gradual or self._needs_exactness:
-            # The subtraction that made R negative is undone: of B, or of 2Q and its last place.
+            # Undo the subtraction that made R negative: that of B, or of 2Q and its last place.
             undone = s.divisor | s.square_root if self._needs_exactness else s.divisor
             restored = Signal.like(s.remainder)
             m.d.comb += restored.eq(s.remainder + Mux(s.remainder[-1], undone, 0))
@@ -292,13 +292,13 @@ class DigitRecurrence(Described):
         return self._result_of(s, exponent=s.exponent, extended=Cat(sticky, quotient[-fmt.precision - 1:]))
 
     def _result_of(self, s, *, exponent, extended):
-        """A normalised result, with what has gone with the recurrence."""
+        """A normalised result, with the values that the recurrence passed on."""
         if not self._may_be_subnormal:
             exponent = exponent[:self._format.exponent_width]
         return SimpleNamespace(**pick(s, CLASSES, self._raised), exponent=exponent, extended=extended)
 
     def _outputs(self, m, number):
-        """``result``, and ``flags`` if wanted, of a normalised one."""
+        """``result``, and ``flags`` if the operator has them, from a normalised result."""
         result, raised = round_and_pack(m, self._format, number, self._rounding)
         flags = {"flags": Cat(raised, number.divide_by_zero, number.invalid)} if self._flags else {}
         return {"result": result, **flags}
@@ -312,13 +312,13 @@ class FpDivide(DigitRecurrence):
     format : FloatFormat
         Format of operands and result.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision and one.
+        Result bits per cycle, 1 to the format's precision plus one.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -327,7 +327,7 @@ class FpDivide(DigitRecurrence):
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high; iterative: until the next ``done``.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``, 3 more
     for a pipeline with gradual subnormals; one operation in ``interval`` cycles: pipelined 1, iterative
@@ -356,7 +356,7 @@ class FpDivide(DigitRecurrence):
         return exact.by_numpy(self._format, self._rounding, np.divide, exact.divide, a, b)
 
     def compute_flags(self, a, b):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.divide(self._format, a, b, self._rounding)[1]
 
 
@@ -368,13 +368,13 @@ class FpSquareRoot(DigitRecurrence):
     format : FloatFormat
         Format of operand and result.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision and one.
+        Result bits per cycle, 1 to the format's precision plus one.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -383,7 +383,7 @@ class FpSquareRoot(DigitRecurrence):
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high; iterative: until the next ``done``.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``, 2 more
     for a pipeline with gradual subnormals; one operation in ``interval`` cycles: pipelined 1, iterative
@@ -416,7 +416,7 @@ class FpSquareRoot(DigitRecurrence):
         return exact.by_numpy(self._format, self._rounding, np.sqrt, exact.square_root, a)
 
     def compute_flags(self, a):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.square_root(self._format, a, self._rounding)[1]
 
 
@@ -428,21 +428,21 @@ class FpDivideSquareRoot(DigitRecurrence):
     format : FloatFormat
         Format of operands and result.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision and one.
+        Result bits per cycle, 1 to the format's precision plus one.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
     a, b, square_root, start : In(format), In(format), In(1), In(1)
-        Operands, any unit, and whether the square root of ``a`` is taken, ``b`` being ignored;
-        taken while ``start`` is high and no operation is in flight.
+        Operands, any unit; 1 takes the square root of ``a`` and ignores ``b``, 0 divides. Taken
+        while ``start`` is high and no operation is in flight.
     result, done : Out(format), Out(1)
         Result, valid from ``done`` to the next ``done``.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` = ceil((precision + 1) / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` = ``latency`` - 1 cycles; a ``start`` that comes earlier is ignored.
@@ -471,6 +471,6 @@ class FpDivideSquareRoot(DigitRecurrence):
                         exact.by_numpy(fmt, rounding, np.divide, exact.divide, a, b))
 
     def compute_flags(self, a, b, square_root):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         fmt, rounding = self._format, self._rounding
         return np.where(square_root, exact.square_root(fmt, a, rounding)[1], exact.divide(fmt, a, b, rounding)[1])

@@ -1,8 +1,8 @@
 """The operations on integers: results and flags for every format up to binary64 and every rounding.
 
-Each function takes numbers (arrays of the format's dtype or what ``FloatFormat.to_bits`` makes
-such of, shapes that broadcast) and gives back a pair: results of the format's dtype, and
-``Flags`` as uint8. Significands are int64 where that suffices and Python integers where not.
+Each function takes numbers (arrays of the format's dtype, or values that ``FloatFormat.to_bits``
+accepts; shapes that broadcast) and returns a pair: results of the format's dtype, and
+``Flags`` as uint8. Significands are int64 if they fit, else Python integers.
 """
 
 import math
@@ -21,10 +21,10 @@ _isqrt = np.frompyfunc(math.isqrt, 1, 1)
 
 
 def by_numpy(fmt, rounding, fast, operation, *operands):
-    """Results of ``operation``, a function of this module, through NumPy's ``fast`` where they agree.
+    """Results of ``operation``, a function of this module; NumPy's ``fast`` computes them where both agree.
 
-    That is so for the formats that NumPy has, to nearest, ties to even; but where subnormals are
-    flushed, the least normal number may be the rounded form of something below it.
+    They agree for the formats of NumPy, rounded to nearest, ties to even. Where subnormals are flushed,
+    there is one exception: the least normal number may be the rounded form of a smaller value.
     """
     if not fmt.is_native or rounding is not Rounding.NEAREST_EVEN:
         return operation(fmt, *operands, rounding)[0]
@@ -40,7 +40,7 @@ def by_numpy(fmt, rounding, fast, operation, *operands):
 
 
 def unpack(fmt, numbers):
-    """Classes, and sign, exponent and significand so that the number is significand * 2**exponent."""
+    """Classes, sign, exponent and significand of a number; its magnitude is significand * 2**exponent."""
     bits = fmt.to_bits(numbers).astype(np.uint64)
     sign = bits >> np.uint64(fmt.width - 1) == 1
     magnitude = (bits & np.uint64((1 << fmt.width - 1) - 1)).astype(np.int64)
@@ -57,7 +57,7 @@ def unpack(fmt, numbers):
 def add(fmt, a, b, rounding):
     """a + b."""
     a, b = _unpack(fmt, a), _unpack(fmt, b)
-    # A smaller operand that ends far below the larger one's last place counts as sticky only.
+    # If the smaller operand is far below the last place of the larger one, it only sets the sticky bit.
     reach = fmt.precision + 3
     exponent = np.maximum(np.minimum(a.exponent, b.exponent), np.maximum(a.exponent, b.exponent) - reach)
     total = 0
@@ -68,7 +68,7 @@ def add(fmt, a, b, rounding):
         total = total + np.where(number.sign, -term, term)
     cancels = a.is_infinite & b.is_infinite & (a.sign != b.sign)
     is_infinite = a.is_infinite | b.is_infinite
-    # An exact zero has the sign of equal operands' signs, else that of the rounding.
+    # An exact zero has the sign of both operands if their signs are equal; else the rounding decides.
     is_zero = total == 0
     sign = np.where(is_zero, np.where(a.sign == b.sign, a.sign, rounding is Rounding.DOWNWARD), total < 0)
     sign = np.where(is_infinite, np.where(a.is_infinite, a.sign, b.sign), sign)
@@ -147,7 +147,7 @@ def to_fixed(fmt, a, width, fraction_bits, rounding):
     """a * 2**fraction_bits as an integer of ``width`` bits in two's complement: int64 or object."""
     a = _unpack(fmt, a)
     lowest, largest = -(1 << width - 1), (1 << width - 1) - 1
-    # A number of so many binary places is out of range for every significand.
+    # With this exponent a number is out of range for every significand.
     exponent = a.exponent + fraction_bits
     outside = a.is_infinite | (exponent + bit_length(a.significand) > width)
     significand = _integers(np.where(outside | a.is_nan, 0, a.significand), width)
@@ -161,7 +161,7 @@ def to_fixed(fmt, a, width, fraction_bits, rounding):
 
 
 def _unpack(fmt, numbers):
-    # One axis more, to be dropped in the end: NumPy turns arrays of objects that have none into scalars.
+    # One additional axis, removed at the end: NumPy turns arrays of objects without axes into scalars.
     return unpack(fmt, np.asarray(numbers)[..., np.newaxis])
 
 
@@ -171,7 +171,7 @@ def _integers(values, bits):
 
 
 def _normalise(fmt, number):
-    """The same number with a significand of fmt.precision bits, unless it is zero."""
+    """The same number with a significand of fmt.precision bits; zero does not change."""
     zeros = fmt.precision - bit_length(number.significand)
     number.significand, number.exponent = number.significand << zeros, number.exponent - zeros
     return number
@@ -179,7 +179,7 @@ def _normalise(fmt, number):
 
 def _pack(fmt, rounding, sign, exponent, significand, *, is_zero, invalid=False, sticky=False, is_nan=False,
           is_infinite=False, divide_by_zero=False):
-    """Rounded numbers and flags: NaN, infinity or zero if flagged, in this order, else as computed."""
+    """Rounded numbers and flags: NaN, infinity or zero if flagged, in this order, else the computed number."""
     encoded, flags = round_encoding(fmt, sign, exponent, significand, rounding, sticky)
     signed = np.asarray(sign).astype(np.uint64) << np.uint64(fmt.width - 1)
     special = is_nan | is_infinite | is_zero

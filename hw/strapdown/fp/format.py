@@ -15,18 +15,18 @@ __all__ = ["Subnormals", "FloatFormat", "BINARY16", "BINARY32", "BINARY64"]
 
 
 class Subnormals(enum.Enum):
-    """What circuits and twins do with numbers below the least normal one."""
+    """Policy of circuits and twins for numbers below the least normal number."""
 
     GRADUAL = "gradual"
-    """IEEE 754: subnormal operands and results are exact citizens."""
+    """IEEE 754: subnormal operands and results are supported."""
     FLUSH = "flush"
-    """Subnormal operands count as zero of their sign; a result whose exact value lies below
-    the least normal number becomes zero of its sign, in all directions of rounding."""
+    """Subnormal operands count as zero of the same sign; a result whose exact value lies below
+    the least normal number becomes zero of the same sign, in all rounding directions."""
 
 
 @dataclass(frozen=True)
 class FloatFormat:
-    """A binary interchange format of IEEE 754-2019, 3.4, with hidden leading bit.
+    """A binary interchange format of IEEE 754-2019, 3.4, with a hidden leading bit.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class FloatFormat:
         Policy of every circuit and twin made for this format.
 
     Every NaN that a circuit or a twin produces is ``nan``, the quiet NaN of positive sign and
-    empty payload. Circuits know every format; twins those that fit into binary64.
+    empty payload. Circuits support every format; twins support those that fit into binary64.
 
     Raises: TypeError and ValueError for unusable widths or policy.
     """
@@ -61,13 +61,13 @@ class FloatFormat:
 
     @property
     def name(self):
-        """``binary32`` and its like where the standard names the widths, else ``floatE_F``."""
+        """A name like ``binary32`` if the standard has these widths, else ``floatE_F``."""
         widths = (self.exponent_width, self.fraction_width)
         return _STANDARD_NAMES.get(widths, "float{}_{}".format(*widths))
 
     @property
     def gradual(self):
-        """Whether subnormals are kept."""
+        """True if subnormals are kept."""
         return self.subnormals is Subnormals.GRADUAL
 
     @property
@@ -110,7 +110,7 @@ class FloatFormat:
 
     @property
     def nan(self):
-        """Encoding of the one NaN that is ever produced."""
+        """Encoding of the NaN that circuits and twins produce."""
         return self.infinity | 1 << (self.fraction_width - 1)
 
     @property
@@ -126,7 +126,7 @@ class FloatFormat:
 
     @property
     def is_native(self):
-        """Whether NumPy has a type of just these widths, and with it an arithmetic."""
+        """True if NumPy has a type, and so arithmetic, of exactly these widths."""
         return (self.exponent_width, self.fraction_width) in _DTYPES
 
     @cached_property
@@ -142,7 +142,7 @@ class FloatFormat:
     def dtype(self):
         """The smallest NumPy floating-point type that holds all numbers of the format.
 
-        Raises: ValueError if not even float64 does.
+        Raises: ValueError if float64 is too small.
         """
         return np.dtype(_DTYPES[self._container.exponent_width, self._container.fraction_width])
 
@@ -157,7 +157,7 @@ class FloatFormat:
             return self.flush(self.from_bits(self.to_bits(values)))
 
     def flush(self, values):
-        """Subnormals replaced by zeros of their sign if that is the policy, else unchanged."""
+        """Subnormals replaced by zeros of the same sign if that is the policy, else unchanged."""
         if self.gradual:
             return values
         tiny = np.abs(values) < self.from_bits(self.least_normal)
@@ -177,7 +177,7 @@ class FloatFormat:
         sign, magnitude = bits >> (self.width - 1), bits & ((1 << (self.width - 1)) - 1)
         aligned = magnitude << (holder.fraction_width - self.fraction_width)
         special = magnitude >= self.infinity
-        # Taken as it is, the aligned encoding is the number under the other bias.
+        # The aligned encoding is the number with the other bias.
         numbers = np.where(special, 0, aligned).view(self.dtype)
         scaled = np.ldexp(numbers, holder.bias - self.bias).view(holder.bits_dtype)
         encoded = np.where(special, aligned | holder.bits_dtype.type(holder.infinity), scaled)
@@ -187,7 +187,7 @@ class FloatFormat:
         """Numbers to encodings of ``bits_dtype``, any shape; NaN payloads are kept.
 
         They are rounded to the format first, to nearest, ties to even; subnormals are not flushed.
-        Where NumPy lacks the format, what is not of ``dtype`` is taken as float64.
+        If NumPy does not have the format, values of another type than ``dtype`` are taken as float64.
         """
         if self.is_native:
             with np.errstate(all="ignore"):
@@ -201,7 +201,7 @@ class FloatFormat:
         encoded, _ = round_encoding(
             self.with_subnormals(Subnormals.GRADUAL), np.signbit(numbers), exponent.astype(np.int64) - 53,
             np.ldexp(fraction, 53).astype(np.int64), Rounding.NEAREST_EVEN)
-        # A NaN whose payload is lost turns quiet, or it would become infinite.
+        # A NaN that loses its payload becomes quiet; otherwise it would become infinite.
         payload = wide >> (holder.fraction_width - self.fraction_width) & ((1 << self.fraction_width) - 1)
         special = payload | self.infinity
         special = np.where(np.isnan(numbers) & (special == self.infinity), self.nan, special)

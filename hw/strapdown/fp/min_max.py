@@ -1,4 +1,4 @@
-"""Lesser or greater of two numbers."""
+"""Minimum and maximum of two numbers."""
 
 import numpy as np
 from amaranth import *
@@ -12,7 +12,7 @@ __all__ = ["FpMinMax"]
 
 
 class FpMinMax(PipelinedOperator):
-    """The lesser of two floating-point numbers, or the greater.
+    """Minimum or maximum of two floating-point numbers.
 
     Parameters
     ----------
@@ -21,22 +21,22 @@ class FpMinMax(PipelinedOperator):
     latency : int
         Register ranks, 1 or 2.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
     a, b, maximum, start : In(format), In(format), In(1), In(1)
-        Operands, any unit, and whether the greater one is wanted; taken while ``start`` is high.
+        Operands, any unit; 1 for the maximum, 0 for the minimum. Taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: exact.
     Special values: -0 is less than +0; a NaN operand gives the format's NaN, so that a lost
-    measurement stays visible: these are *minimum* and *maximum*, not *minimumNumber* and
-    *maximumNumber*, which would give the other operand.
+    measurement stays visible. These are *minimum* and *maximum*; *minimumNumber* and
+    *maximumNumber* would give the other operand.
     Flags: invalid for signalling NaNs.
     Raises: ValueError if ``latency`` is out of range.
     Source: IEEE 754-2019, 9.6, operations *minimum* and *maximum*.
@@ -59,13 +59,13 @@ class FpMinMax(PipelinedOperator):
         """Bit-exact software twin: arrays of the format's dtype and of bool, shapes that broadcast."""
         fmt = self._format
         a, b = fmt.array(a), fmt.array(b)
-        # NumPy's own minimum does not distinguish the zeros.
+        # NumPy's minimum does not distinguish the zeros.
         less = (a < b) | ((a == b) & np.signbit(a))
         chosen = np.where(less ^ np.asarray(maximum, dtype=bool), a, b)
         return fmt.canonical(np.where(np.isnan(a), a, np.where(np.isnan(b), b, chosen)))
 
     def compute_flags(self, a, b, maximum):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         invalid = exact.unpack(self._format, a).is_signalling | exact.unpack(self._format, b).is_signalling
         return (invalid & np.full(np.shape(maximum), True)) * np.uint8(Flags.INVALID)
 
@@ -74,8 +74,8 @@ class FpMinMax(PipelinedOperator):
         fmt = self._format
         rank = self.ranks(m)
 
-        # Numbers of one sign compare like their magnitudes, the other way round if negative. Of
-        # equal ones either will do, and so of subnormals that are flushed to one and the same zero.
+        # Numbers of the same sign compare like their magnitudes, in reverse order if negative. If they are equal,
+        # either can be the result; this includes subnormals that are flushed to the same zero.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
         magnitude_is_less = Cat(self.a.fraction, self.a.exponent) < Cat(self.b.fraction, self.b.exponent)
         less = Mux(a.sign == b.sign, magnitude_is_less ^ a.sign, a.sign)

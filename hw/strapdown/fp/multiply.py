@@ -10,7 +10,7 @@ from .stages import FINE_LEVELS, align_subnormal, normalise, pack, unpack
 
 __all__ = ["FpMultiply"]
 
-# Bits of an operand that a DSP block multiplies at once: a DSP48E1 has 25 x 18 signed ones.
+# Bits of an operand for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits.
 SLICE = 17
 
 
@@ -26,7 +26,7 @@ class FpMultiply(PipelinedOperator):
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -35,7 +35,7 @@ class FpMultiply(PipelinedOperator):
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: correctly rounded.
@@ -45,8 +45,8 @@ class FpMultiply(PipelinedOperator):
     Source: IEEE 754-2019, 5.4.1, operation *multiplication*.
     """
 
-    # Ranks at "unpack", "partial" and "product" are the registers that DSP blocks have inside. One
-    # between the products of the slices and their sum suits an ECP5 best, whose blocks are smaller.
+    # Ranks at "unpack", "partial" and "product" use the registers inside DSP blocks. A rank between the
+    # products of the slices and their sum is best for an ECP5, which has smaller blocks.
     PIPELINE = Pipeline(cuts=("unpack", "partial", "product", "normalise", "round", "result"),
                         priority=("result", "partial", "product", "normalise", "unpack", "round"), default_latency=2)
     # Subnormal operands are normalised before the product, subnormal results aligned after it.
@@ -77,7 +77,7 @@ class FpMultiply(PipelinedOperator):
         return exact.by_numpy(self._format, self._rounding, np.multiply, exact.multiply, a, b)
 
     def compute_flags(self, a, b):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.multiply(self._format, a, b, self._rounding)[1]
 
     def elaborate(self, platform):
@@ -86,7 +86,7 @@ class FpMultiply(PipelinedOperator):
         rank = self.ranks(m)
         width = fmt.exponent_width
 
-        # Unpack. A zero is a matter of flags, so flushing needs no look at the significands.
+        # Unpack. The class flags mark a zero, so flushing does not need the significands.
         a, b = unpack(m, fmt, self.a, "a"), unpack(m, fmt, self.b, "b")
         undefined = (a.is_infinite & b.is_zero) | (a.is_zero & b.is_infinite)
         classes = {"sign": a.sign ^ b.sign, "is_nan": a.is_nan | b.is_nan | undefined,
@@ -97,7 +97,7 @@ class FpMultiply(PipelinedOperator):
         if fmt.gradual:
             # One normaliser is enough: the product of two subnormals is shifted right anyway.
             swap, levels = ~b.significand[-1], range((fmt.precision - 1).bit_length())
-            # The choice of the operand takes the time of a level.
+            # The selection of the operand takes as long as one level.
             fine_levels, coarse_levels = levels[:FINE_LEVELS + 1], levels[FINE_LEVELS + 1:]
             multiplicand, coarse = normalise(m, Mux(swap, b.significand, a.significand), "coarse",
                                              levels=coarse_levels)
@@ -108,13 +108,13 @@ class FpMultiply(PipelinedOperator):
             m.d.comb += exponent.eq(s.exponent - fmt.bias - Cat(fine, s.coarse))
         else:
             multiplicand, multiplier = Cat(self.a.fraction, C(1, 1)), Cat(self.b.fraction, C(1, 1))
-            # a + b - bias = (a + b + 1) - 2**(width - 1): one adder, and a look at its two top bits.
+            # a + b - bias = (a + b + 1) - 2**(width - 1): one adder, and logic on its two top bits.
             total = Signal(width + 1)
             m.d.comb += [total.eq(a.exponent - ~b.exponent),
                          exponent.eq(Cat(total[:-2], ~total[-2], total[-2:] == 1, (total[-2:] == 2).replicate(2)))]
         s = rank("unpack", **classes, exponent=exponent, multiplicand=multiplicand, multiplier=multiplier)
 
-        # Multiply by slices, and add up what they give.
+        # Multiply by slices, and add the partial products.
         lows = range(0, fmt.precision, SLICE)
         s = rank("partial", **pick(s, classes), exponent=s.exponent,
                  **{f"partial_{low}": s.multiplicand * s.multiplier[low:low + SLICE] for low in lows})
@@ -122,8 +122,8 @@ class FpMultiply(PipelinedOperator):
         m.d.comb += product.eq(sum(getattr(s, f"partial_{low}") << low for low in lows))
         s = rank("product", **pick(s, classes), exponent=s.exponent, product=product)
 
-        # Normalise: the product of numbers from 1 to 2 lies from 1 to 4. Whether the exponent, one
-        # more if ``carry``, is out of range shows without that addition, which rounding will do.
+        # Normalise: the product of two numbers in [1, 2) is in [1, 4). With ``carry`` the exponent is one
+        # greater. The check of its range does not need this addition; the rounding adder makes it.
         exponent, carry = s.exponent, s.product[-1]
         sticky = s.product[:-fmt.precision - 2].any() | (carry & s.product[-fmt.precision - 2])
         extended = Cat(sticky, Mux(carry, s.product[-fmt.precision - 1:], s.product[-fmt.precision - 2:-1]))

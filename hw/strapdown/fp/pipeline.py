@@ -1,4 +1,4 @@
-"""What all pipelined operators share: their ports, and register ranks placed at named cuts."""
+"""Base of all pipelined operators: their ports, and register ranks placed at named cuts."""
 
 import operator
 from types import SimpleNamespace
@@ -13,16 +13,16 @@ __all__ = ["Pipeline", "PipelinedOperator", "Ranks", "pick"]
 
 
 class Pipeline(NamedTuple):
-    """Where the register ranks of a pipelined operator may stand.
+    """Possible places of the register ranks of a pipelined operator.
 
     Attributes
     ----------
     cuts : tuple of str
-        The places in the data flow, in its order. The greatest latency is their number.
+        The places, in the order of the data flow. Their number is the greatest latency.
     default_latency : int
-        The latency if none is chosen.
+        The latency if none is given.
     priority : tuple of str
-        The cuts in the order in which deeper pipelines take them.
+        The cuts in the order in which deeper pipelines use them.
     """
 
     cuts: tuple[str, ...]
@@ -31,16 +31,16 @@ class Pipeline(NamedTuple):
 
 
 class PipelinedOperator(Described):
-    """Base of the fully pipelined operators: one operation a cycle, no back-pressure.
+    """Base of the fully pipelined operators: one operation per cycle, no back-pressure.
 
     Parameters
     ----------
     operands, result : dict
-        Member name to shape of the data ports.
+        Map each data member to its shape.
     latency : int or None
         Number of register ranks, 1 to the number of cuts; None means the pipeline's default.
     pipeline : Pipeline or None
-        Where the ranks may stand; None means the class's ``PIPELINE``.
+        Possible places of the ranks; None means the class's ``PIPELINE``.
 
     Members
     -------
@@ -63,7 +63,7 @@ class PipelinedOperator(Described):
 
     @property
     def pipeline(self):
-        """Where the ranks may stand, a Pipeline."""
+        """Possible places of the ranks, a Pipeline."""
         return self._pipeline
 
     @property
@@ -84,9 +84,9 @@ class PipelinedOperator(Described):
 class Ranks:
     """Register ranks at named cuts of a data flow.
 
-    ``rank("align", sign=…, sum=…)`` gives back a namespace with the same values: registered if
-    the pipeline has a rank at that cut, the values themselves if not, or if constant. ``valid`` follows.
-    Data registers have no reset; only the valid chain does.
+    ``rank("align", sign=…, sum=…)`` returns a namespace with the same values. If the pipeline has a rank
+    at that cut, the values are registered, except constants. ``valid`` is delayed in the same way.
+    Only the chain of ``valid`` has a reset; data registers have none.
     """
 
     def __init__(self, m, cuts, placed, valid):
@@ -114,5 +114,5 @@ class Ranks:
 
 
 def pick(values, *names):
-    """The members of a namespace with these names (any iterables of strings), as a dict."""
+    """The members of a namespace with the given names (any iterables of strings), as a dict."""
     return {name: getattr(values, name) for some in names for name in some}

@@ -19,14 +19,14 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     Parameters
     ----------
     format : FloatFormat
-        Format of operand and result, with an ``exponent_width`` of at least 3: no result is
-        subnormal then.
+        Format of operand and result, with an ``exponent_width`` of at least 3, so that no result is
+        subnormal.
     bits_per_cycle : int
-        Result bits made in one cycle, 1 to the format's precision.
+        Result bits per cycle, 1 to the format's precision.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -35,12 +35,12 @@ class FpReciprocalSquareRoot(DigitRecurrence):
     result, done : Out(format), Out(1)
         Result, valid from ``done`` to the next ``done``.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` = ceil(precision / bits_per_cycle) + 2 cycles, ``start`` to ``done``; one
     operation in ``interval`` = ``latency`` - 1 cycles; a ``start`` that comes earlier is ignored.
     Accuracy: correctly rounded.
-    Special values: a zero gives infinity of its sign, +infinity gives +0; other negative operands
+    Special values: a zero gives infinity of the same sign, +infinity gives +0; other negative operands
     and NaN give the format's NaN.
     Flags: divide_by_zero for a zero; invalid for these negative operands and signalling NaNs;
     overflow and inexact as in ``Flags``.
@@ -63,7 +63,7 @@ class FpReciprocalSquareRoot(DigitRecurrence):
         return exact.reciprocal_square_root(self._format, a, self._rounding)[0]
 
     def compute_flags(self, a):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.reciprocal_square_root(self._format, a, self._rounding)[1]
 
     @property
@@ -72,19 +72,19 @@ class FpReciprocalSquareRoot(DigitRecurrence):
         return self._format.precision
 
     # With X, the operand scaled to [1, 4), the result is 0.1 b_2 b_3 ... from 1/2 to 1. Let Q be the
-    # bits found so far, k - 1 of them, as an integer. The next one is b_k = 1 if with the odd number
-    # T = 2Q + 1 still W = 4**k - X T**2 > 0. From W and F = 4 X T + d X, where d = 1 if W > 0, else
-    # -1, this bit and the next trial, T' = 2T + d, follow without a multiplication:
+    # k - 1 bits found so far, as an integer, and T = 2Q + 1. The next bit is b_k = 1 if
+    # W = 4**k - X T**2 > 0. This bit and the next trial, T' = 2T + d, follow without a multiplication
+    # from W and F = 4 X T + d X, where d = 1 if W > 0, else -1:
     #
     #     W' = 4W - d F,    F' = 2F + d 3X  if d' = d,  else  2F + d X.
     #
-    # It starts with k = 1, T = 1, W = 4 - X > 0, so that b_1 = 1 and F = 5X. ``remainder`` holds W less
-    # one unit of X's last place, so that its sign bit says W <= 0; ``trial`` holds F. The leading one
-    # that counts the cycles in ``quotient`` is b_1.
+    # It starts with k = 1, T = 1, W = 4 - X > 0, so b_1 = 1 and F = 5X. ``remainder`` holds W minus
+    # one unit of X's last place, so its sign bit is set if W <= 0. ``trial`` holds F. b_1 is the leading
+    # one in ``quotient`` that counts the cycles.
     #
-    # Widths: T is never further than 1 from its goal y = 2**k / sqrt(X), hence |W| <= X (2 y + 1)
+    # Widths: T differs by at most 1 from y = 2**k / sqrt(X), hence |W| <= X (2 y + 1)
     # < 2**(k+2) + 4 and 0 < F < 4 X (y + 1) + X < 2**(k+3) + 20. The last bit has k = p + 1 and needs W,
-    # and F of k = p; bits that a last cycle makes beyond it are not used.
+    # and F of k = p. Further bits of the last cycle are not used.
 
     def _unpack(self, m):
         a = unpack(m, self._format, self.a, "a")
@@ -97,7 +97,7 @@ class FpReciprocalSquareRoot(DigitRecurrence):
 
     def _begin(self, m, o):
         fmt = self._format
-        # The bias is odd: the exponent is whole where that of the encoding is odd.
+        # The bias is odd, so half the exponent is an integer if the stored exponent is odd.
         x = Signal(fmt.precision + 1)
         m.d.comb += x.eq(Mux(o.a_exponent[0], o.a_significand, o.a_significand << 1))
         half = (fmt.bias - 1) // 2
@@ -123,15 +123,15 @@ class FpReciprocalSquareRoot(DigitRecurrence):
             minuend.eq(Cat(~negative, C(0b11, 2), s.remainder)),
             subtrahend.eq(Cat(~negative, Mux(negative, s.trial, ~Cat(s.trial, C(0, 1))))),
             remainder.eq((minuend + subtrahend)[1:]),
-            # So does that of 2F, which is free.
+            # The lowest bit of 2F is free and carries, too.
             trial.eq(Cat(negative, s.trial) + Mux(negative, ~Cat(change, C(0, length)), change)),
         ]
         return SimpleNamespace(**{**vars(s), "remainder": remainder, "trial": trial,
                                   "quotient": Cat(bit, s.quotient)})
 
     def _normal(self, m, s):
-        # The quotient is always too small, by less than its last place, and the result no middle
-        # between two numbers: a dyadic fraction only for powers of four, where all bits are ones.
+        # The quotient is always too small, by less than its last place. The result is never halfway between
+        # two numbers: it is a dyadic fraction only for powers of four, where all bits are ones.
         exponent, extended = s.exponent, Cat(C(1, 1), s.quotient[-self._format.precision - 1:])
         if self._needs_exactness:
             exponent = exponent + s.is_exact

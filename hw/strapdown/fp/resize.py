@@ -22,7 +22,7 @@ class FpToFp(PipelinedOperator):
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
-        Whether there is an output ``flags``.
+        True for an output ``flags``.
 
     Members
     -------
@@ -31,12 +31,14 @@ class FpToFp(PipelinedOperator):
     result, done : Out(to_format), Out(1)
         Result, in the unit of ``a``, valid while ``done`` is high.
     flags : Out(FLAGS)
-        Exceptions of this result, valid with it; only if wanted.
+        Exceptions of this result, valid with it; only with ``flags=True``.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
-    Accuracy: correctly rounded; exact if ``to_format`` has every number
-    of ``from_format``. Each format's own policy holds for subnormals, of operand and of result.
-    Special values: what exceeds the range becomes infinity; NaN becomes the format's NaN.
+    Accuracy: correctly rounded; exact if ``to_format`` contains all numbers of ``from_format``. The
+    subnormal policy of each format applies: to the operand that of ``from_format``, to the result
+    that of ``to_format``.
+    Special values: a number out of range is rounded as in IEEE 754, to nearest it becomes infinity;
+    NaN becomes the format's NaN.
     Flags: invalid for signalling NaNs; overflow, underflow and inexact as in ``Flags``.
     Raises: ValueError if ``rounding`` or ``latency`` is out of range.
     Source: IEEE 754-2019, 5.4.2, operation *convertFormat*.
@@ -69,11 +71,11 @@ class FpToFp(PipelinedOperator):
         return self._rounding
 
     def compute(self, a):
-        """Bit-exact software twin: an array of the one dtype in, of the other out, same shape."""
+        """Bit-exact software twin: takes an array of one dtype, returns one of the other, same shape."""
         return exact.resize(self._from_format, self._to_format, a, self._rounding)[0]
 
     def compute_flags(self, a):
-        """The twin's ``Flags``, operands as in ``compute``: uint8."""
+        """The twin's ``Flags`` as uint8; operands as in ``compute``."""
         return exact.resize(self._from_format, self._to_format, a, self._rounding)[1]
 
     def elaborate(self, platform):
@@ -85,7 +87,7 @@ class FpToFp(PipelinedOperator):
         classes = {"sign": a.sign, "is_nan": a.is_nan, "is_infinite": a.is_infinite, "is_zero": a.is_zero}
         if self._flags:
             classes["invalid"] = a.is_signalling
-        # Where subnormals lie far below the other format's least number, they need no top bit: they are lost anyway.
+        # If subnormals lie far below the other format's least number, they need not be normalised: they are lost.
         offset = fmt.bias - source.bias
         normalises = source.gradual and -offset < fmt.precision + 2
         significand, zeros = a.significand, C(0)
@@ -94,7 +96,7 @@ class FpToFp(PipelinedOperator):
             significand, zeros = normalise(m, significand, "coarse", levels=levels[FINE_LEVELS:])
         s = rank("coarse", **classes, zeros=zeros, exponent=a.exponent, significand=significand)
 
-        # The range of the exponent shows the rounding stage whether there can be subnormals.
+        # From the range of the exponent the rounding stage can tell if results can be subnormal.
         least, greatest = 1 + offset, source.exponent_special + offset
         significand, zeros = s.significand, s.zeros
         if normalises:

@@ -1,4 +1,4 @@
-"""Rounding directions and exception flags, and the one place where software rounds."""
+"""Rounding directions, exception flags, and the rounding function of the software twins."""
 
 import enum
 
@@ -24,13 +24,13 @@ class Rounding(enum.Enum):
 
     @property
     def is_nearest(self):
-        """Whether the nearest number is taken, so that only ties need a rule."""
+        """True if the nearest number is taken, so that only ties need a rule."""
         return self in (Rounding.NEAREST_EVEN, Rounding.NEAREST_AWAY)
 
     def increments(self, sign, odd, guard, sticky):
-        """Whether a magnitude goes up by one unit: one-bit Values or arrays of bool.
+        """True if a magnitude is increased by one unit: one-bit Values or arrays of bool.
 
-        ``odd`` is the unit's bit, ``guard`` the bit below it, ``sticky`` whether any other is set.
+        ``odd`` is the unit's bit, ``guard`` the bit below it; ``sticky`` is set if any lower bit is set.
         """
         match self:
             case Rounding.NEAREST_EVEN:
@@ -46,7 +46,7 @@ class Rounding(enum.Enum):
 
 
 class Flags(enum.IntFlag):
-    """The exceptions of IEEE 754-2019, 7, as they stand in ``compute_flags`` and in ``FLAGS``.
+    """The exceptions of IEEE 754-2019, 7, as in ``compute_flags`` and in ``FLAGS``.
 
     Tininess is detected after rounding, as on x86 and RISC-V, and underflow is raised if the
     result is inexact as well. Where subnormals are flushed, a flushed result raises underflow and
@@ -62,11 +62,11 @@ class Flags(enum.IntFlag):
 
 FLAGS = data.StructLayout({flag.name.lower(): 1 for flag in Flags})  # type: ignore[union-attr]
 """Layout of an operator's output ``flags``: inexact (lowest bit), underflow, overflow,
-divide_by_zero, invalid (highest bit). They belong to one result; nothing is accumulated."""
+divide_by_zero, invalid (highest bit). They belong to one result and are not accumulated."""
 
 
 def flags_member(wanted):
-    """The member ``flags`` of an operator's outputs, if it is wanted."""
+    """The output member ``flags`` as a dict; empty if ``flags`` is false."""
     return {"flags": FLAGS} if wanted else {}
 
 
@@ -82,8 +82,8 @@ def bit_length(values):
 def round_integer(sign, significand, shift, rounding, sticky=False):
     """``significand / 2**shift`` rounded to an integer.
 
-    ``significand`` is at least 0 and less than 2**62; ``sticky`` means that bits were cut off, which
-    needs a ``shift`` of at least 1. Returns (magnitude, whether it is inexact).
+    ``significand`` is at least 0 and less than 2**62. ``sticky`` means that lower bits were cut off; it
+    needs a ``shift`` of at least 1. Returns (magnitude, true if it is inexact).
     """
     left, right = np.maximum(-shift, 0), np.clip(shift, 0, 63)
     below = np.maximum(right - 1, 0)
@@ -101,8 +101,8 @@ def round_encoding(fmt, sign, exponent, significand, rounding, sticky=False):
     fmt : FloatFormat
         Format of the result, no wider than binary64; its policy holds for tiny numbers.
     sign, exponent, significand, sticky : ndarray of bool, int64, int64 or object, bool
-        The number is ``significand * 2**exponent``, and a bit more if ``sticky``; a significand
-        that was cut off needs fmt.precision + 2 bits at least.
+        The number is ``significand * 2**exponent``; with ``sticky``, slightly more. A significand
+        that was cut off needs at least fmt.precision + 2 bits.
     rounding : Rounding
         Direction.
 
@@ -117,12 +117,12 @@ def round_encoding(fmt, sign, exponent, significand, rounding, sticky=False):
         sticky = sticky | (significand & (np.ones_like(significand) << excess) - 1 != 0)
         significand, exponent, length = (significand >> excess).astype(np.int64), exponent + excess, length - excess
 
-    # The stored exponent, were it unbounded; a subnormal keeps the weight of exponent 1.
+    # The stored exponent without bounds; a subnormal keeps the weight of exponent 1.
     stored = np.where(length > 0, exponent + length - 1 + fmt.bias, 0)
     last = length - fmt.precision
     shift = last + np.maximum(1 - stored, 0)
     magnitude, inexact = round_integer(sign, significand, shift, rounding, sticky)
-    # Counted on from the binade's first encoding, the magnitude runs over into the next binade.
+    # The magnitude is added to the first encoding of the binade, so a carry leads into the next binade.
     encoded = (np.clip(stored, 1, fmt.exponent_special) - 1 << fmt.fraction_width) + magnitude
 
     overflow = encoded >= fmt.infinity

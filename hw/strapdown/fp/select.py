@@ -19,7 +19,7 @@ class FpSelect(PipelinedOperator):
     Members
     -------
     a, b, condition, start : In(format), In(format), In(1), In(1)
-        Operands, any unit, and the choice; taken while ``start`` is high.
+        Operands, any unit, and the condition; taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Result, valid while ``done`` is high.
 

@@ -10,7 +10,7 @@ __all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_sig
            "align_subnormal", "round_and_pack"]
 
 FINE_LEVELS = 3
-"""Levels of a shifter, by 1, 2 and 4, that come after the cut inside it."""
+"""Levels of a shifter (by 1, 2 and 4) after the cut inside it."""
 
 
 def unpack(m, fmt, operand, name):
@@ -19,7 +19,7 @@ def unpack(m, fmt, operand, name):
     ``exponent`` is the biased exponent, 1 for gradual subnormals, so that ``significand``
     (fmt.precision bits, hidden bit on top) always weighs 2**(exponent - bias - fraction_width).
     With flushed subnormals a subnormal is a zero: its exponent has no meaning.
-    ``nonzero`` is the significand if the number is not zero, for less.
+    ``nonzero`` equals the significand if the number is not zero, and needs less logic.
     ``is_signalling`` is high for a NaN whose top fraction bit is zero.
     """
     tiny = operand.exponent == 0
@@ -49,7 +49,7 @@ def unpack(m, fmt, operand, name):
 
 
 def shift_right_sticky(m, value, amount, name):
-    """``value`` shifted right by ``amount``; every bit shifted out is or-ed into the lowest bit."""
+    """``value`` shifted right by ``amount``; the lowest bit is the OR of itself and all bits shifted out."""
     levels = len(value).bit_length()
     far = amount[levels:].any() if len(amount) > levels else C(0)
     for level in range(min(levels, len(amount))):
@@ -65,7 +65,7 @@ def shift_right_sticky(m, value, amount, name):
 def normalise(m, value, name, *, limit=None, levels=None):
     """``value`` shifted left until its top bit is one, but by no more than ``limit``, if given.
 
-    ``levels`` are the binary places of the distance to do, the lowest first; all, if not given.
+    ``levels`` are the binary places of the distance to apply, the lowest first; all, if not given.
     Returns (shifted value, distance). The distance is meaningless for a value of zero.
     """
     distance: list[Signal] = []
@@ -84,7 +84,7 @@ def normalise(m, value, name, *, limit=None, levels=None):
 
 
 def normalised(m, fmt, significand, exponent, name, levels=None):
-    """Significand shifted left until its top bit is one, and exponent, of a number neither zero nor special.
+    """Exponent, and significand shifted left until its top bit is one, of a number that is not zero or special.
 
     ``levels`` are those of ``normalise``.
     """
@@ -98,15 +98,15 @@ def round_significand(fmt, exponent, significand, guard, sticky, *, sign=0, roun
     """Encoding (without sign) of a normalised significand, rounded.
 
     ``significand`` has fmt.precision bits; ``exponent`` is its stored exponent, 0 where the top
-    bit is zero (subnormal). The carry of the increment runs on into the exponent, which makes
-    the next binade, the least normal number and infinity come out right by themselves.
+    bit is zero (subnormal). The carry of the increment continues into the exponent, so the next
+    binade, the least normal number and infinity need no extra logic.
     """
     up = rounding.increments(sign, significand[0], guard, sticky)
     return (Cat(significand[:-1], exponent) + up)[:fmt.width - 1]
 
 
 def pack(m, fmt, sign, encoded, *, is_nan, is_infinite, is_zero):
-    """The result: NaN, infinity or zero if flagged, in this order, else ``encoded``."""
+    """The result: NaN, infinity or zero if flagged, in this order; else ``encoded``."""
     packed = Signal(fmt.layout)
     with m.If(is_nan):
         m.d.comb += packed.eq(fmt.nan)
@@ -120,7 +120,7 @@ def pack(m, fmt, sign, encoded, *, is_nan, is_infinite, is_zero):
 
 
 def align_subnormal(m, extended, below):
-    """``extended`` of a number other than zero shifted right by ``below``, its distance from exponent 1."""
+    """``extended`` of a number, not zero, shifted right by ``below``, the distance of its exponent below 1."""
     levels = len(extended).bit_length()
     aligned = shift_right_sticky(m, extended, below[:levels], "subnormal")
     return Mux(below[levels:].any(), 1, aligned)
@@ -129,12 +129,12 @@ def align_subnormal(m, extended, below):
 def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
     """The result for a normalised number of unbounded exponent, and the exceptions that it raises.
 
-    ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``, and, where
-    none of these three holds, ``exponent`` (biased; signed if it may be less than 1) and
-    ``extended``: sticky bit, guard bit and significand, from the low end, whose top bit is one. It may
-    have ``aligned``, if ``align_subnormal`` has a rank of its own.
+    ``number`` has the operation's ``sign``, ``is_nan``, ``is_infinite`` and ``is_zero``. If none of
+    these three is set, ``exponent`` (biased; signed if it may be less than 1) and ``extended`` are
+    valid. ``extended`` has, from the low end, sticky bit, guard bit and significand, whose top bit is
+    one. ``number`` may also have ``aligned``, if ``align_subnormal`` has a separate rank.
 
-    Returns (encoding, the three low bits of ``FLAGS``); flags that are not used make no circuit.
+    Returns (encoding, the three low bits of ``FLAGS``); unused flags make no circuit.
     """
     may_be_tiny = number.exponent.shape().signed
     tiny = number.exponent < 1 if may_be_tiny else C(0)
@@ -168,7 +168,7 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
     if rounding.is_nearest:
         is_infinite |= overflow
     else:
-        # Where a number beyond the largest one is not rounded away from zero, that one remains.
+        # A number beyond the largest one becomes the largest one if it is not rounded away from zero.
         up = rounding.increments(number.sign, C(1), C(1), C(1))
         encoded = Mux(overflow, Mux(up, fmt.infinity, fmt.infinity - 1), encoded)
     packed = pack(m, fmt, number.sign, encoded, is_nan=number.is_nan, is_infinite=is_infinite,

@@ -1,7 +1,7 @@
-"""From a kernel to a circuit: trace, schedule, microprogram, engine; and the twin beside them.
+"""From a kernel to a circuit: trace, schedule, microprogram, engine; and the software twin.
 
-What the author of a kernel needs stands here: ``System`` and ``Update``, names of ports by ``vector`` and
-``matrix``, and ``Pool`` with its operators.
+This module exports the names that the author of a kernel needs: ``System`` and ``Update``, ``vector`` and
+``matrix`` for names of ports, and ``Pool`` with its operators.
 """
 
 from strapdown.algorithms import Update

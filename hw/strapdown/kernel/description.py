@@ -1,4 +1,4 @@
-"""What a component says of itself: ports with their meaning, and the sections of a file's header."""
+"""Descriptions of a component: ports with their meaning, and the sections of a file's header."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -56,7 +56,7 @@ class Section:
     ----------
     title : str
     paragraphs : tuple of str
-        Text; lines are broken where the header needs it.
+        Text; the header breaks its lines.
     rows : tuple of tuple
         Cells of a table.
     program : object or None
@@ -86,7 +86,7 @@ class SystemComponent(Described):
 
     @property
     def title(self):
-        """One line on what it does."""
+        """The function of the module in one line."""
         return self._system.title
 
     @property
@@ -96,7 +96,7 @@ class SystemComponent(Described):
 
 
 def status_ports(system, names):
-    """The port of the status bits ``names``, lowest first, of a system that has one, as a tuple of Port."""
+    """The status port of a system with the bits ``names``, lowest first, as a tuple of Port; empty without one."""
     if not system.status_port:
         return ()
     bits = ", ".join(f"{bit} {name.replace('_', ' ')}" for bit, name in enumerate(names))

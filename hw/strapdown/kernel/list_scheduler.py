@@ -16,12 +16,13 @@ __all__ = ["list_schedule"]
 def list_schedule(graph: Graph, machine: Machine) -> Schedule:
     """Place every node of a graph in time: list scheduling with justification, many times over.
 
-    A result with a single reader need not touch memory if the reader is issued when it comes out, so such nodes are
-    tied into chains that are placed as one. Chain after chain, the one with the longest way to go takes the earliest
-    cycle that is free. Then, as long as the schedule gets shorter, all are moved as late as they can go, the last
-    first, and back to as early as they can, the first first: what nobody waits for yet leaves the crowded first cycles
-    to the critical path (Valls, Ballestín and Quintanilla, "Justification and RCPSP", 2005). This is repeated from
-    priorities with small random changes, the same in every run; the shortest schedule wins.
+    A result with a single reader does not need the memory if the reader is issued when the result comes out. Such
+    nodes are joined into chains, and each chain is placed as a whole. In the order of the longest path to the end, each
+    chain takes the earliest free cycle. Then all chains are moved as late as possible, beginning with the last one, and
+    back to as early as possible, beginning with the first one. This is repeated as long as the schedule becomes
+    shorter. It moves operations that are not urgent out of the crowded first cycles, which the critical path can then
+    use (Valls, Ballestín and Quintanilla, "Justification and RCPSP", 2005). The whole is repeated from priorities with
+    small random changes, the same in every run; the shortest schedule is chosen.
 
     Parameters
     ----------
@@ -58,10 +59,10 @@ def list_schedule(graph: Graph, machine: Machine) -> Schedule:
 
 
 ATTEMPTS = 24
-"""How often the scheduler starts anew, if it does not meet the bound before."""
+"""Number of starts of the scheduler; it stops earlier if a schedule meets the bound."""
 
 ROUNDS = 20
-"""Most justifications in an attempt; a handful is usual."""
+"""Greatest number of justifications in an attempt; about five are usual."""
 
 
 def _length(places):
@@ -69,7 +70,8 @@ def _length(places):
 
 
 def _stored(graph, machine, places):
-    """The steps, each stored only if a reader finds it in memory, or would hide it if it were not finite."""
+    """The steps. A result is stored only if a reader takes it from memory, or if the readers could hide that it is
+    not finite."""
     stored = kept(graph)
     for step in places.values():
         for read in reads(step.node):
@@ -83,7 +85,7 @@ Chain = tuple[Node, ...]
 
 
 class _Table(Problem):
-    """A graph whose nodes are tied into chains, and the reservation tables in which they are placed."""
+    """A graph whose nodes are joined into chains, and the reservation tables in which they are placed."""
 
     def __init__(self, graph, machine):
         super().__init__(graph, machine)
@@ -93,7 +95,7 @@ class _Table(Problem):
         self.ahead, self.behind = (
             {chain: {self.chain_of[other] for node in chain for other, _ in edges[node]} - {chain}
              for chain in self.chains} for edges in (self.operands, self.readers))
-        # Each node with its issue after that of the first one; cycles to the last result.
+        # Each node with its issue relative to that of the first node; cycles to the last result.
         self.offsets: dict[Chain, list[tuple[Node, int]]] = {}
         self.span: dict[Chain, int] = {}
         for chain in self.chains:
@@ -101,7 +103,8 @@ class _Table(Problem):
             self.offsets[chain], self.span[chain] = list(zip(chain, ends, strict=False)), ends[-1]
 
     def _chains(self) -> list[Chain]:
-        """All nodes, tied where a result's only reader spreads what is not finite, which is seen on the bus."""
+        """Chains of all nodes. A node is joined to its only reader if the reader's result is not finite whenever the
+        node's is not, because only results on the bus are checked."""
         wanted = kept(self.graph)
         before: dict[Node, Node] = {}
         for node in self.nodes:
@@ -123,9 +126,9 @@ class _Table(Problem):
         return chains
 
     def pack(self, priority, *, late=False):
-        """Steps by node, chain after chain placed in the earliest, or latest, free cycle, the lowest priority first.
+        """Steps by node. The chains are placed in the earliest, or latest, free cycle, the lowest priority first.
 
-        Cycles count from any number.
+        The first cycle may have any number.
         """
         ahead, behind = (self.ahead, self.behind)[::-1] if late else (self.ahead, self.behind)
         waiting = {chain: len(ahead[chain]) for chain in self.chains}
@@ -141,18 +144,18 @@ class _Table(Problem):
                 if not waiting[other]:
                     heappush(queue, (priority[other], self.number[other]))
         assert len(places) == len(self.nodes)
-        # The address of the first operand goes out before the cycle in which it comes.
+        # The address of the first operand is needed before the cycle in which the operand is fetched.
         first = min(step.issue for step in places.values()) - self.machine.lead
         return {node: Step(node, step.unit, step.issue - first, step.write - first, bus=step.bus)
                 for node, step in places.items()}
 
     def _place(self, chain, places, full, late):
-        """Add the steps of a chain to ``places``, and what they take up to ``full``.
+        """Add the steps of a chain to ``places``, and their resources to ``full``.
 
-        Cycles of ``full`` count backwards if the chain goes to the latest cycle: so they are never negative, and a
-        place is sought upwards in both directions.
+        Cycles of ``full`` count backwards if the chain goes to the latest cycle. So they are never negative, and the
+        search for a place goes upwards in both directions.
         """
-        limits = []  # (offset of an issue or a result, cycle of the other end, how it is read)
+        limits = []  # (offset of an issue or a result, cycle of the other end, kind of read)
         for node, offset in self.offsets[chain]:
             if late:
                 limits += [(offset + self.delay[node], places[reader].issue, read)
@@ -165,7 +168,7 @@ class _Table(Problem):
                     default=self.span[chain] if late else 0)
         taken = self._taken(chain, full, sign) >> least
         while True:
-            # The lowest bit that is not set is the next cycle that may be free.
+            # The lowest clear bit is the next cycle that may be free.
             step = (~taken & taken + 1).bit_length() - 1
             taken >>= step
             least += step
@@ -177,7 +180,7 @@ class _Table(Problem):
             places[node] = Step(node, unit.name if unit else "input", issue, issue + self.delay[node], bus=bus)
 
     def _taken(self, chain, full, sign):
-        """Cycles from which the chain cannot start because a single one of its resources is taken, a bit each."""
+        """Cycles in which the chain cannot start because one of its resources is taken, one bit per cycle."""
         def moved(mask, by):
             return mask >> by if by > 0 else mask << -by
 
@@ -194,9 +197,9 @@ class _Table(Problem):
         return taken | moved(busy, sign * self.span[chain])
 
     def _ways(self, chain, full, sign, start):
-        """For a chain that starts in a cycle: node, unit, bus and issue of each of its nodes, now taken from ``full``.
+        """Node, unit, bus and issue of each node of a chain that starts in a cycle; their resources enter ``full``.
 
-        None if they are not free; then nothing is taken.
+        None if a resource is not free; then ``full`` does not change.
         """
         before, found = dict(full), []
         for node, offset in self.offsets[chain]:
@@ -205,7 +208,7 @@ class _Table(Problem):
                 port = self.machine.port(unit)
                 if not (full.get(port, 0) | full.get(unit.name, 0)) >> issue & 1:
                     full[port] = full.get(port, 0) | 1 << issue
-                    # No other start is so near that the unit would still be busy.
+                    # No other start may be so near that the unit is still busy.
                     near, first = (1 << 2 * unit.interval - 1) - 1, issue - unit.interval + 1
                     full[unit.name] = full.get(unit.name, 0) | (near << first if first >= 0 else near >> -first)
                     break

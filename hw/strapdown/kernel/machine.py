@@ -1,4 +1,4 @@
-"""Timing rules and resources of the engines: schedulers, schedules and programs all ask the same machine."""
+"""Timing rules and resources of the engines. Schedulers, schedules and programs use the same machine."""
 
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -17,7 +17,7 @@ BUSES = {"main": "result bus", "side": "side bus"}
 
 
 class Read(NamedTuple):
-    """One operand of a step: the value, and whether it is the condition of a choice."""
+    """One operand of a step: the value, and a flag for the condition of a choice."""
 
     operand: Operand
     condition: bool = False
@@ -35,15 +35,15 @@ def reads(node):
 
 
 def kept(graph):
-    """Nodes whose values are wanted after the update: outputs, next state, status."""
+    """Nodes whose values are needed after the update: outputs, next state, status."""
     return {*graph.outputs.values(), *graph.next_state.values(), *(operand.node for operand in graph.status.values())}
 
 
 class Machine(ABC):
     """The timing rules of an engine on a pool. All numbers are cycles.
 
-    An operation that is issued in a cycle finds its operands in the operand registers at the end of that cycle;
-    its result is on a result bus, and written at the end of the cycle, ``delay`` cycles later.
+    The operands of an operation enter the operand registers at the end of the cycle of its issue. ``delay`` cycles
+    later its result is on a result bus, and is written at the end of that cycle.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Machine(ABC):
     Attributes
     ----------
     lead : int
-        How long before an operand's use its address is needed.
+        Cycles from an operand's address to its use.
     first_issue, first_input : int
         Earliest cycle of an operation and of an input.
     """
@@ -66,15 +66,15 @@ class Machine(ABC):
 
     @cached_property
     def unit(self):
-        """Name to Unit."""
+        """Maps each name to its Unit."""
         return {unit.name: unit for unit in self.pool.units}
 
     @abstractmethod
     def needs_step(self, node: Node) -> bool:
-        """Whether a node takes a place in the schedule."""
+        """True if a node needs a step in the schedule."""
 
     def prepared(self, graph: Graph) -> Graph:
-        """The graph as the engine computes it, with copies of values that it cannot use where they are."""
+        """The graph that the engine computes, with additional copies of values that it cannot use in place."""
         return graph
 
     def units(self, node) -> list[Unit]:
@@ -91,11 +91,11 @@ class Machine(ABC):
 
     @abstractmethod
     def buses(self, graph) -> dict[Node, tuple[str, ...]]:
-        """Node to the buses that can take its result, the preferred one first."""
+        """Maps each node to the buses that can take its result, the preferred one first."""
 
     @abstractmethod
     def on_bus(self, graph) -> set[Node]:
-        """Nodes whose results take a bus in every schedule."""
+        """Nodes whose results use a bus in every schedule."""
 
     @abstractmethod
     def least_wait(self, read) -> int:
@@ -103,23 +103,23 @@ class Machine(ABC):
 
     @abstractmethod
     def may_wait(self, wait, read) -> bool:
-        """Whether a result can be read ``wait`` cycles after it is on the bus."""
+        """True if a result can be read ``wait`` cycles after it is on the bus."""
 
     @abstractmethod
     def fetched(self, read) -> bool:
-        """Whether a value that is not taken straight from the bus is read from an operand memory."""
+        """True if a value that is not taken directly from the bus is read from an operand memory."""
 
     def forwards(self, wait, read):
-        """Whether the reader takes the value as it comes out, and not from memory."""
+        """True if the reader takes the value in the cycle of the result, and not from memory."""
         return wait == 0 and self.least_wait(read) == 0
 
 
 class UpdateMachine(Machine):
     """The rules of Engine: one update at a time.
 
-    Results of units that are not direct, and inputs, are registered on the way to the bus. A state word has a step too,
-    which puts its reset value back in the first update after a reset. A result may be forwarded to its readers in the
-    cycle in which it comes out; conditions and the state always come from memory.
+    Results of units that are not direct, and inputs, are registered on the way to the bus. Each state word has a step,
+    too, which restores its reset value in the first update after a reset. A result may be forwarded to its readers in
+    the cycle in which it comes out. Conditions and the state always come from memory.
     """
 
     def __init__(self, pool):
@@ -132,7 +132,7 @@ class UpdateMachine(Machine):
         return node.operation != "constant"
 
     def units(self, node):
-        # A state word is put back by the unit that copies.
+        # The unit that copies restores a state word.
         return self.pool.operations["copy"] if node.operation == "state" else super().units(node)
 
     def delay(self, node):
@@ -178,10 +178,10 @@ class UpdateMachine(Machine):
 class StreamMachine(Machine):
     """The rules of StreamEngine: an update begins every ``interval`` cycles, and several are in flight.
 
-    Every result goes over a bus to the memory of that bus; with a side memory there are two. State words need no steps:
-    operands find them in memory. Inputs are registered for one interval. An operand's address is needed a cycle before
-    the operand; conditions wait in registers of their own. What is pipelined has its own pair of read ports if the pool
-    has private ports; all others share the first pair.
+    Every result goes over a bus to the memory of that bus. With a side memory the engine has two buses. State words
+    need no steps, because they are read from memory. Inputs are registered for one interval. An operand's address is
+    needed one cycle before the operand. Conditions are kept in separate registers. If the pool has private ports, each
+    pipelined unit has its own pair of read ports; all others share the first pair.
 
     Raises: ValueError for a pool that forwards results.
     """
@@ -189,7 +189,7 @@ class StreamMachine(Machine):
     MEMORY_DELAY, CONDITION_DELAY = 2, 1
 
     lead = 1
-    # The addresses of the first input and the first operation depend on what is known by then.
+    # Before these cycles, values that the addresses depend on are not known.
     first_input, first_issue = 1, 2
 
     def __init__(self, pool):
@@ -221,7 +221,7 @@ class StreamMachine(Machine):
                 for node in graph.nodes}
 
     def _preferred(self, node):
-        """The buses of a value that is no state: inputs and the results of most read ports spare the main bus."""
+        """Buses of a value that is not a state word: inputs and the results of most read ports prefer the side bus."""
         units = self.units(node)
         if not node.computed:
             return ("side",)
@@ -243,10 +243,10 @@ class StreamMachine(Machine):
 
 
 def streaming(pool: Pool) -> Pool:
-    """The pool for several channels that stands for a pool for one.
+    """The pool for several channels that replaces a pool for one channel.
 
-    A pool that forwards results gets what many values need instead: no forwarding, operands in block RAM, and a side
-    memory. One that does not forward is taken as it is.
+    A pool that forwards results is replaced by one that fits many values: no forwarding, operands in block RAM, and a
+    side memory. A pool that does not forward is returned unchanged.
     """
     if not pool.forwarding:
         return pool
@@ -277,7 +277,7 @@ def _with_signs(graph, copies):
 
 
 class Resource(NamedTuple):
-    """What a schedule uses: ``nodes`` take one of its ``instances`` for ``cycles`` each."""
+    """A resource of a schedule: each of ``nodes`` takes one of its ``instances`` for ``cycles`` cycles."""
 
     nodes: list[Node]
     cycles: int = 1
@@ -285,18 +285,19 @@ class Resource(NamedTuple):
 
 
 class Problem:
-    """A graph on a machine, as schedulers see it.
+    """A graph on a machine, in the form that schedulers use.
 
     Attributes
     ----------
     nodes : list of Node
-        Those that need a step, operands before results.
+        The nodes that need a step, operands before results.
     units, delay, buses : dict
-        Node to its units, to the cycles from issue to result, and to the buses its result can take.
+        Map a node to its units, to the cycles from issue to result, and to the buses that can take its result.
     operands, readers : dict
-        Node to the (other node, Read) of its operands, and of the nodes that read it.
+        Map a node to pairs (other node, Read) for its operands, and for the nodes that read it.
     to_go, to_come : dict
-        Node to the least number of cycles from its issue to the end of the update, and from the beginning to its issue.
+        Map a node to the least number of cycles from its issue to the end of the update, and from the start of the
+        update to its issue.
     """
 
     def __init__(self, graph: Graph, machine: Machine):
@@ -344,14 +345,14 @@ class Problem:
         return issues, {name: resource for name, resource in results.items() if resource.nodes}
 
     def intervals(self):
-        """Least interval between updates, by the resource that demands it."""
+        """Least interval between updates, by the resource that limits it."""
         issues, results = self.resources
         return {name: -(-len(nodes) // instances) * cycles
                 for name, (nodes, cycles, instances) in (issues | results).items()}
 
     def lengths(self):
-        """Least length of a whole update: of "dependences", and for each resource the time that it is taken, with the
-        shortest way to and from it."""
+        """Least length of a whole update, by its cause: "dependences", and for each resource the time that it is
+        taken plus the shortest path to and from it."""
         def taken(resource):
             return (len(resource.nodes) - 1) // resource.instances * resource.cycles
 

@@ -1,4 +1,4 @@
-"""A schedule in which an update begins every so many cycles: modulo scheduling."""
+"""A schedule in which an update begins once per interval: modulo scheduling."""
 
 import random
 from collections import Counter
@@ -16,21 +16,23 @@ __all__ = ["modulo_schedule"]
 def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None) -> Schedule:
     """Place every node of a graph in time, so that an update can begin every ``interval`` cycles.
 
-    Nodes are placed backwards, because next-state values are the most constrained and inputs the least. Node after
-    node, the one with the longest way to come first, takes the latest cycle from which its readers are in time and in
-    which all it needs is free, in this cycle and in all a multiple of the interval away. If there is none it takes the
-    place of another node that finds a new one, which may in turn do so. Units that are busy for several cycles start on
-    a grid, for which ports and bus are reserved, so that their idle cycles are not scattered. This is repeated from
-    priorities with small random changes and other grids, the same in every run; the schedule with the fewest stages
-    wins, and of these the one that keeps least in the side memory. If no attempt succeeds, all are repeated thoroughly:
-    with reservations that end with the last operation on a unit, and with more searches.
+    Nodes are placed backwards, because next-state values are the most constrained and inputs the least. The node with
+    the longest path from the start comes first. Each node takes the latest cycle that is early enough for its readers,
+    and in which all its resources are free, modulo the interval. If no such cycle exists, the node takes the place of
+    another node for which a new place is found; that node may in turn replace a third one. Units that are busy for
+    several cycles start on a grid, for which ports and bus are reserved, so that their idle cycles are not scattered.
+    This is repeated from priorities with small random changes and with other grids, the same in every run. The schedule
+    with the fewest stages is chosen; among these, the one that keeps the least in the side memory. If no attempt
+    succeeds, all are repeated thoroughly: with reservations that end with the last operation on a unit, and with more
+    searches.
 
     Parameters
     ----------
     graph : Graph
     machine : StreamMachine
     interval : int or None
-        At least as long as every unit, bus and read port is taken. None: the shortest for which a schedule is found.
+        Not less than the cycles for which any unit, bus or read port is taken. None: the shortest for which a schedule
+        is found.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None)
 
 
 def _shortest(problem, least):
-    """The schedule of a short interval: from ``least`` in growing steps to one that is found, then by halves."""
+    """The schedule of a short interval: a search upwards from ``least`` in growing steps, then by bisection."""
     precision = 1 + least // 128
     failed, step = least - 1, 1
     while (result := _scheduled(problem, failed + step)) is None:
@@ -80,7 +82,7 @@ def _scheduled(problem, interval):
 
 
 def _schedules(problem, interval, *, thorough):
-    """What all attempts find."""
+    """The schedules that all attempts find."""
     rng = random.Random(0)
     found = []
     attempts = max(2, min(ATTEMPTS[thorough], WORK // len(problem.nodes)))
@@ -101,20 +103,20 @@ def _cost(schedule):
 
 
 ATTEMPTS, WORK = (16, 4), 10_000
-"""How often the scheduler starts anew, and thoroughly; and how many nodes it places in all: large graphs get fewer
-attempts."""
+"""Number of starts, and of thorough starts; and the total number of nodes that are placed, so that large graphs get
+fewer attempts."""
 
 PATIENCE = 3000, 6000
-"""Most searches in an attempt for another place of a node that is placed already; and in a thorough one."""
+"""Greatest number of searches for a new place of a placed node, in an attempt and in a thorough attempt."""
 
 ROUNDS = 3
-"""How often steps are moved to where they keep the fewest values."""
+"""Number of passes that move steps to cycles in which fewer values have to be kept."""
 
 COST = {"main": 1, "side": 3}
-"""What a value costs for each cycle that it is kept in the memory of a bus: the side memory is small."""
+"""Cost of a value per cycle that the memory of a bus keeps it: the side memory is small."""
 
 DEPTH = 2
-"""Most nodes that may have to move for one."""
+"""Greatest number of nodes that may have to move for one node."""
 
 Place = tuple[int, str, Unit | None]
 """Cycle of issue, bus of the result, and unit; None for an input."""
@@ -124,7 +126,7 @@ Slot = tuple[Hashable, int]
 
 
 class _Attempt:
-    """A modulo reservation table that fills: ``taken`` has the owners of slots, ``full`` a bit for each cycle."""
+    """A modulo reservation table: ``taken`` has the owners of slots, ``full`` one bit per cycle."""
 
     def __init__(self, problem, interval, *, thorough):
         self.problem, self.interval = problem, interval
@@ -140,7 +142,7 @@ class _Attempt:
         self.thorough = thorough
 
     def place(self, priority, rng):
-        """Steps of all nodes, or None; the node of the lowest priority among those whose readers are placed first."""
+        """Steps of all nodes, or None. Of the nodes whose readers are placed, the lowest priority is next."""
         problem = self.problem
         grids = self._grids(rng)
         if grids is None:
@@ -176,15 +178,15 @@ class _Attempt:
         return self.places[node][0]
 
     def _settle(self, *, reverse):
-        """Move steps, one after another, to where their operands and results fill the memories least.
+        """Move steps, one after another, to the cycles in which their operands and results need the least memory.
 
-        What waits for the end without need, and keeps its operands for it, does not any more.
+        Steps that were placed late without need, and so kept their operands for long, move to earlier cycles.
         """
         movable = [node for node in self.problem.nodes if (unit := self.places[node][2]) and unit.interval == 1]
         for node in sorted(movable, key=self._issue, reverse=reverse):
             old = self.places[node]
             self._take(node)
-            # Until when each operand is kept in any case, and what a cycle more of it costs.
+            # The cycle until which each operand is kept in any case, and the cost of one more cycle.
             kept = [(max((self._issue(reader) for reader, _ in self.readers[operand] if reader is not node),
                          default=self._issue(operand)), COST[self.places[operand][1]])
                     for operand, _ in self.operands[node]]
@@ -204,7 +206,7 @@ class _Attempt:
             self._put(node, (cycle, *ways[way][:2]))
 
     def _grids(self, rng):
-        """Slow unit to the cycles in which it may start, reserved on port and bus; None if there is no room."""
+        """Maps each slow unit to the cycles in which it may start, reserved on port and bus; None if they are full."""
         grids: dict[str, set[int]] = {}
         slow = {unit.name: unit for units in self.problem.units.values() for unit in units if unit.interval > 1}
         for unit in slow.values():
@@ -222,17 +224,17 @@ class _Attempt:
         return grids
 
     def _reserved(self, unit, starts):
-        """What a unit takes of port and bus if it starts in all these cycles."""
+        """Slots of port and bus that a unit takes if it starts in all these cycles."""
         slots: set[Slot] = {(self.problem.machine.port(unit), start) for start in starts}
         return slots | {("main", (start + unit.latency + 1) % self.interval) for start in starts}
 
     def _release(self, grids, units):
-        """Give back what is reserved for units that have nothing more to do."""
+        """Release the reservations of units that have no further operations."""
         for unit in units:
             self._vacate(self._reserved(unit, grids[unit.name]))
 
     def _steps(self):
-        """The steps, with cycles counted from the beginning of the update."""
+        """The steps, with cycles counted from the start of the update."""
         machine = self.problem.machine
         begin = min(cycle - (machine.first_issue if unit else machine.first_input)
                     for cycle, _, unit in self.places.values())
@@ -243,7 +245,7 @@ class _Attempt:
         for node, (cycle, bus, unit) in self.places.items():
             issue = cycle - begin
             if not unit:
-                # Inputs are there for one interval only.
+                # Inputs are valid for one interval only.
                 issue %= self.interval
             steps.append(Step(node, unit.name if unit else "input", issue, issue + self.problem.delay[node], bus=bus))
         return tuple(sorted(steps, key=lambda step: step.issue))
@@ -253,7 +255,7 @@ class _Attempt:
                    default=0) - self.problem.delay[node]
 
     def _earliest(self, node):
-        """First cycle that is worth a try: all of an interval, for then they repeat, but none before the operands."""
+        """First cycle to try: an interval before the latest one, because slots repeat, but not before the operands."""
         before = max((self._issue(operand) + self.problem.delay[operand] + wait
                       for operand, wait in self.operands[node] if operand in self.places), default=None)
         least = self._latest(node) - self.interval + 1
@@ -264,7 +266,7 @@ class _Attempt:
         return [(bus, unit) for bus in self.problem.buses[node] for unit in self.problem.units[node] or [None]]
 
     def _free(self, node, bus, unit):
-        """Cycles of the interval in which a node finds port and bus free, a bit each."""
+        """Cycles of the interval in which port and bus are free for a node, one bit per cycle."""
         shift, everything = self.problem.delay[node] % self.interval, (1 << self.interval) - 1
         full = self.full.get(bus, 0)
         full = full >> shift | full << (self.interval - shift)
@@ -273,7 +275,7 @@ class _Attempt:
         return ~full & everything
 
     def _slots(self, node, place):
-        """What a node takes of the table."""
+        """Slots of the table that a node takes."""
         cycle, bus, unit = place
         slots: list[Slot] = [(bus, (cycle + self.problem.delay[node]) % self.interval)]
         if unit:
@@ -298,7 +300,7 @@ class _Attempt:
         self._vacate(self._slots(node, self.places.pop(node)))
 
     def _latest_free(self, node, earliest, latest):
-        """The place with the latest cycle that is free, of less than an interval of them; None if there is none."""
+        """The place with the latest free cycle, among less than an interval of cycles; None if none is free."""
         best = None
         for bus, unit in self._ways(node):
             free = self._free(node, bus, unit)
@@ -311,7 +313,7 @@ class _Attempt:
         return best
 
     def _find(self, node, depth):
-        """Place a node, and for its sake up to ``depth`` others anew; whether there is a place."""
+        """Place a node, and move up to ``depth`` other nodes for it; True if a place was found."""
         earliest, latest = self._earliest(node), self._latest(node)
         if place := self._latest_free(node, earliest, latest):
             self._put(node, place)

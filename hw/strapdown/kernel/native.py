@@ -1,4 +1,4 @@
-"""Kernels as C: the software twin of a system for long runs, where each update needs the one before it."""
+"""Kernels as C: the software twin of a system for long runs, in which each update needs the previous one."""
 
 import ctypes
 import shutil
@@ -18,9 +18,9 @@ __all__ = ["NativeError", "NativeTwin"]
 
 C_TYPES = {32: ("float", "uint32_t"), 64: ("double", "uint64_t")}
 
-# Where subnormals are flushed, a product that is the least normal number may be the rounded form of something below
-# it, which is flushed too. Sums have no such case: near the least normal number they are exact. Nor have quotients:
-# one that is less than a power of two is so by more than half a unit of the significands.
+# Where subnormals are flushed, a product that equals the least normal number may be the rounded form of a smaller
+# exact value, which must be flushed, too. Sums do not have this case, because they are exact near the least normal
+# number. Quotients do not have it either: a quotient below a power of two is more than half a unit below it.
 OPERATORS = """\
 #include <math.h>
 #include <stdint.h>
@@ -62,13 +62,13 @@ static inline real square_root(real a) {{ return result({sqrt}(operand(a))); }}
 """
 
 CALLS = {"add": "add({})", "multiply": "multiply({})", "divide": "divide({})", "sqrt": "square_root({})", "copy": "{}"}
-"""Operation of a graph to the C expression of its operands; ``select`` has its own."""
+"""Maps each operation of a graph to the C expression of its operands; ``select`` is handled separately."""
 
 SUPPORTED = sorted([*CALLS, "select"])
 
 
 class NativeError(RuntimeError):
-    """A system that has no form in C, or a C compiler that is missing or fails; one line."""
+    """A system cannot be expressed in C, or the C compiler is missing or fails; the message is one line."""
 
 
 def _operand(names, operand):
@@ -84,10 +84,10 @@ def _expression(names, node):
 
 
 def _program(graph, fmt, refuses):
-    """C code of ``run(count, inputs, held, results)``: an update a row.
+    """C code of ``run(count, inputs, held, results)``, with one row per update.
 
-    ``held`` has outputs and state words, and is replaced by those after the last update; a row of results has
-    outputs, state words, status and whether the update was refused.
+    ``held`` has outputs and state words; the function replaces them by those after the last update. A row of results
+    has outputs, state words, status, and 1 if the update was refused.
     """
     real, word = C_TYPES[fmt.width]
     short = fmt.width == 32
@@ -132,7 +132,7 @@ void run(long count, const real *in, real *held, real *out)
 class NativeTwin:
     """A system's software twin as compiled C, bit for bit equal to ``System.run`` and to the circuit.
 
-    It computes the graph of the system in about a microsecond an update, where NumPy takes some hundred.
+    It takes about one microsecond per update; NumPy takes about a hundred.
 
     Parameters
     ----------
@@ -167,19 +167,19 @@ class NativeTwin:
 
     def run(self, inputs: Mapping[str, ArrayLike],
             state: Mapping[str, ArrayLike] | None = None) -> tuple[dict, dict]:
-        """Updates in order, each from the state that the update before it left.
+        """Updates in order, each from the state after the previous update.
 
         Parameters
         ----------
         inputs : dict
             Input port to numbers of shape (N,), rounded to the format.
         state : dict, optional
-            State before the first sample, as from an earlier ``run``; that of the reset by default.
+            State before the first sample, for example from an earlier ``run``; the reset state by default.
 
         Returns
         -------
         result, state : dict
-            As ``System.run``.
+            As in ``System.run``.
         """
         graph, fmt = self._graph, self._format
         rows = np.stack(np.broadcast_arrays(*(fmt.from_bits(fmt.to_bits(inputs[port])) for port in graph.inputs)), -1)

@@ -1,4 +1,4 @@
-"""Numeric namespaces that compute: float64 for the truth, the twin for the circuit's very bits."""
+"""Numeric namespaces that compute: float64 for the truth, the twin for the bits of the circuit."""
 
 from contextlib import nullcontext
 from functools import partial
@@ -27,12 +27,12 @@ class Float64:
 
     @staticmethod
     def section(name):
-        """Sections mean nothing to arithmetic."""
+        """Sections have no effect on arithmetic."""
         return nullcontext()
 
 
 class Twin(Namespace):
-    """The namespace in which a kernel computes what the circuit computes, bit for bit.
+    """The namespace in which a kernel computes the same bits as the circuit.
 
     Values hold arrays of ``pool.format.dtype``, one element per sample; every operation is the
     ``compute`` of the unit that the circuit uses for it.
@@ -57,7 +57,7 @@ class Twin(Namespace):
         return TwinValue(self, self.pool.format.array(number))
 
     def given(self, array):
-        """A scalar of the kernel from what an input port or a state word holds.
+        """A scalar of the kernel from the values of an input port or a state word.
 
         It is rounded to the format; subnormals are not flushed.
         """

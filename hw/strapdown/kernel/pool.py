@@ -1,4 +1,4 @@
-"""The pool of operators that an engine computes with."""
+"""The pool of operators of an engine."""
 
 import enum
 from collections.abc import Callable
@@ -22,22 +22,22 @@ class Unit:
     Attributes
     ----------
     name, kind : str
-        Name of its instance in the Verilog, and name of its operator, of which there may be several.
+        Name of its instance in the Verilog, and name of its operator; several units may have the same kind.
     make : callable
-        Makes a fresh component, with members ``start`` and ``result``.
+        Makes a new component, with members ``start`` and ``result``.
     operations : dict
-        Kernel operation to its bit-exact twin on arrays.
+        Maps each kernel operation to its bit-exact twin on arrays.
     read_port : int
         The pair of memory read ports that feeds it.
     operands : tuple of str
         Members that take the operands, one or two.
     modes : dict
-        Kernel operation to the member that is high for it.
+        Maps each kernel operation to the member that is high for it.
     direct : bool
-        Whether its results go straight to the result bus, and can be operands as they come out. Those of
-        the others are registered once more on the way.
+        True if its results go directly to the result bus, and can be operands in the cycle in which they come out.
+        Results of other units are registered once more on the way.
     takes_condition : bool
-        Whether it has a member ``condition``.
+        True if it has a member ``condition``.
     latency, interval : int
         Cycles from start to result, and between two starts.
     """
@@ -61,35 +61,35 @@ class Unit:
 
 
 class MemoryStyle(enum.Enum):
-    """What a memory of the engine is made of."""
+    """The kind of memory in the FPGA."""
 
     DISTRIBUTED = "distributed"
     """LUTs: read without a clock edge."""
     BLOCK = "block"
-    """Block RAM: an operand's address goes out a cycle earlier."""
+    """Block RAM: an operand's address is needed one cycle earlier."""
 
 
 @dataclass(frozen=True)
 class Pool:
-    """Which operators an engine has, how deep they are, and how they are fed.
+    """The operators of an engine, their timing, and the memories that feed them.
 
     Parameters
     ----------
     format : FloatFormat
         Format of all numbers.
     operators : tuple of Operator
-        The operators; a program leaves out what its equations do not use.
+        The operators; a circuit contains only those that its equations use.
     forwarding : bool
-        Whether a result can be an operand as it comes out, without a way through the memory.
+        True if a result can be an operand in the cycle in which it comes out, without the memory.
     private_ports : bool
-        Whether every adder and every multiplier has a pair of read ports to itself.
+        True if every adder and every multiplier has its own pair of read ports.
     operand_memory, microcode : MemoryStyle
-        What the two memories are made of.
+        The kind of each memory.
     side_memory : bool
-        Whether there is a second result bus, with a memory of its own for results of adders and multipliers.
+        True for a second result bus, with a separate memory for results of adders and multipliers.
 
-    Raises: TypeError and ValueError for parameters that an operator refuses, for an object that is no operator, for two
-    operators that offer the same operation, and for operators without a selector.
+    Raises: TypeError and ValueError for parameters that an operator refuses, for an object that is not an operator, for
+    two operators that offer the same operation, and for operators without a selector.
     """
 
     format: FloatFormat = FLUSHED32
@@ -115,13 +115,13 @@ class Pool:
         _ = self.units  # each operator checks its parameters
 
     def with_operators(self, *operators):
-        """This pool with more operators; one of a kind that it has already takes the other's place."""
+        """This pool with more operators; an operator replaces one of the same kind."""
         own = {each.name: each for each in (*self.operators, *operators)}
         return replace(self, operators=tuple(own.values()))
 
     @property
     def parameters(self):
-        """All parameters but the format by name, those of the operators as in ``adders`` and ``adder_latency``."""
+        """All parameters but the format, by name. Those of operators have names like ``adders``, ``adder_latency``."""
         found = {f"{each.name}s" if parameter.name == "count" else f"{each.name}_{parameter.name}":
                  getattr(each, parameter.name) for each in self.operators for parameter in fields(each)}
         return found | {parameter.name: getattr(self, parameter.name) for parameter in fields(self)
@@ -166,7 +166,7 @@ class Pool:
 
     @cached_property
     def operations(self):
-        """Kernel operation to the units that can compute it."""
+        """Maps each kernel operation to the units that can compute it."""
         operations: dict[str, list[Unit]] = {}
         for unit in self.units:
             for operation in unit.operations:
@@ -174,7 +174,7 @@ class Pool:
         return operations
 
     def compute(self, operation, *arrays):
-        """What the units of ``operation`` make of arrays of the format's dtype, bit for bit."""
+        """Result of the units for ``operation`` on arrays of the format's dtype, bit for bit."""
         return self.operations[operation][0].operations[operation](*arrays)
 
 

@@ -16,16 +16,16 @@ from .trace import Node, Operand
 __all__ = ["NEXT", "PLAIN", "STATE", "TURNED", "Program", "StreamProgram", "UpdateProgram"]
 
 PLAIN, TURNED, STATE, NEXT = "plain", "turned", "state", "next"
-"""Kinds of addresses in a stream program: as it is; with low bits that count the intervals; a word of the state, and of
-the next state, of the channel in a stage."""
+"""Kinds of addresses in a stream program: a fixed address; an address whose low bits count the intervals; a word of the
+state, or of the next state, of the channel in a stage."""
 
 
 @dataclass(frozen=True)
 class Program(ABC):
     """The ROM of an engine, a word for each cycle of the schedule's period, and the map of its memories.
 
-    A word tells what happens in its cycle to all updates in flight. It routes operands, starts units and names what
-    goes on a bus; the address of an operand stands ``machine.lead`` words before the rest.
+    A word controls one cycle of all updates in flight. It routes operands, starts units and selects the result for each
+    bus. The address of an operand is ``machine.lead`` words earlier than the other fields of its step.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Program(ABC):
 
     @property
     def length(self):
-        """Words, that is cycles of an update, or from one update to the next."""
+        """Number of words: the cycles of an update, or of an interval."""
         return self.schedule.period
 
     @cached_property
@@ -62,11 +62,11 @@ class Program(ABC):
 
     @abstractmethod
     def source(self, step: Step) -> str:
-        """The name under which a step's result goes on a bus."""
+        """Name of a step's result among the sources of its bus."""
 
     @cached_property
     def sources(self):
-        """Bus to what can be put on it: the units' names, and one for what comes another way."""
+        """Maps each bus to its sources: names of units, and one name for results that are registered on the way."""
         seen = {(step.bus, self.source(step)) for step in self.schedule.steps if self.schedule.on_bus(step)}
         names = dict.fromkeys([*(unit.name for unit in self.units), *sorted(name for _, name in seen)])
         return {bus: tuple(name for name in names if (bus, name) in seen) for bus in ("main", "side")}
@@ -76,12 +76,12 @@ class Program(ABC):
     @property
     @abstractmethod
     def state(self) -> dict[str, int]:
-        """State word to the address of its first bank."""
+        """Maps each state word to its address in the first bank."""
 
     @property
     @abstractmethod
     def constants(self) -> dict[float, int]:
-        """Constants that must lie in the main memory: magnitude to address."""
+        """Constants that must be in the main memory: maps each magnitude to its address."""
 
     @property
     @abstractmethod
@@ -100,17 +100,17 @@ class Program(ABC):
         return 1 << (used - 1).bit_length() if used else 0
 
     def _lifetime(self, node):
-        """From when on, and for how many cycles, an address is a value's."""
+        """First cycle in which a value needs its address, and the number of cycles."""
         write = self.schedule.written[node]
         return write, max(self.schedule.last_read.get(node, 0) - write, 1)
 
     def _copies(self, node):
-        """How many addresses a value has, a power of two: as many as updates in flight that need it at once."""
+        """Number of addresses of a value, a power of two: the updates in flight that need it at the same time."""
         periods = -(-self._lifetime(node)[1] // self.length)
         return 1 << (periods - 1).bit_length()
 
     def _allocated(self, nodes, free: Sequence[int]):
-        """Address of each node, in order: the first of ``free`` that no other has while this one is kept.
+        """Address of each node, in order: the first of ``free`` that no other node has in the same cycles.
 
         Raises: ValueError if there is none.
         """
@@ -142,10 +142,10 @@ class Program(ABC):
 
     @abstractmethod
     def place(self, node: Node) -> str:
-        """Where a value is, in listings."""
+        """The place of a value, for listings."""
 
     def operand_place(self, step, read):
-        """Where a step takes an operand from, in listings."""
+        """The source of a step's operand, for listings."""
         return self.place(read.node)
 
     # The words.
@@ -158,7 +158,7 @@ class Program(ABC):
     @property
     @abstractmethod
     def _other_fields(self) -> dict:
-        """Fields beside those of operands and units."""
+        """Fields other than those of operands and units."""
 
     @cached_property
     def layout(self):
@@ -173,7 +173,7 @@ class Program(ABC):
 
     @cached_property
     def words(self) -> list[dict]:
-        """The program: one dict, nested as ``layout``, a cycle."""
+        """The program: one dict per cycle, nested like ``layout``."""
         words: list[dict] = [{} for _ in range(self.length)]
 
         def put(cycle, *path, **fields):
@@ -204,39 +204,39 @@ class Program(ABC):
         return words
 
     def reads(self, step):
-        """All that a step reads: tuple of Read. A step that restores the state reads a constant."""
+        """The operands of a step: tuple of Read. A step that restores the state reads a constant."""
         if step.node.operation == "state":
             return (Read(Operand(Node("constant", value=self.graph.state[step.node.label]))),)
         return reads(step.node)
 
     @abstractmethod
     def _write(self, put, step):
-        """Put the fields that take a step's result over a bus."""
+        """Set the fields that put a step's result on a bus."""
 
     @abstractmethod
     def _route(self, step, read) -> dict:
-        """Fields that choose where an operand comes from."""
+        """Fields that select the source of an operand."""
 
     @abstractmethod
     def _fetch(self, step, read) -> dict:
-        """Fields that tell where in memory an operand is."""
+        """Fields with the address of an operand."""
 
     @abstractmethod
     def _condition(self, step) -> dict:
-        """Fields that choose the condition of a step."""
+        """Fields that select the condition of a step."""
 
     @abstractmethod
     def _finish(self, put):
-        """Put what does not belong to a step."""
+        """Set the fields that do not belong to a step."""
 
 
 class UpdateProgram(Program):
     """The program of Engine, one word for each cycle of an update.
 
-    The memory begins with the state: words ``2k`` and ``2k + 1`` are the two banks of state word k. Programs say ``2k``
-    for the state and ``2k + 1`` for the next state; the engine turns the lowest bit of these addresses from update to
-    update. Constants follow, then the values of one update, each in place from the cycle after its write to its last
-    read. The addresses of the side memory are the highest ones of the main memory, which the banks do not turn.
+    The memory begins with the state: words ``2k`` and ``2k + 1`` are the two banks of state word k. Programs use ``2k``
+    for the state and ``2k + 1`` for the next state; the engine inverts the lowest bit of these addresses in every
+    second update. Constants follow, then the values of one update, each kept from the cycle after its write to its last
+    read. The side memory uses the highest addresses of the main memory, whose lowest bit is not inverted.
     """
 
     def source(self, step):
@@ -244,19 +244,19 @@ class UpdateProgram(Program):
 
     @cached_property
     def other_sources(self):
-        """What can be registered on the way to the bus: the names of units that are not direct, and the input ports."""
+        """Sources that are registered on the way to the bus: names of units that are not direct, and input ports."""
         return (*(unit.name for unit in self.units if not unit.direct), *self.graph.inputs)
 
     @cached_property
     def operand_sources(self):
-        """Where an operand can come from: "memory", "side" memory, the direct units whose results are taken
-        as they come out, and "bus" for all other results."""
+        """Sources of operands: "memory", "side" memory, the direct units whose results are forwarded, and "bus" for
+        all other results."""
         found = {self.operand_source(step, read) for step in self.schedule.steps
                  for read in self.reads(step) if not read.condition} | {"memory"}
         return tuple(name for name in ("memory", "side", *(unit.name for unit in self.units), "bus") if name in found)
 
     def operand_source(self, step, read):
-        """One of ``operand_sources``: where ``step`` takes an operand from."""
+        """The source of an operand of ``step``: one of ``operand_sources``."""
         if not self.schedule.forwarded(step, read):
             return "side" if read.node in self.schedule.aside else "memory"
         producer = self._unit_of[read.node]
@@ -295,7 +295,7 @@ class UpdateProgram(Program):
 
     @cached_property
     def _lasting(self):
-        """Nodes whose address is written last by them: outputs and status wait for that."""
+        """Nodes that are the last to be written to their address: outputs and status can be read later."""
         return {*self.graph.outputs.values(), *(operand.node for operand in self.graph.status.values())}
 
     def _lifetime(self, node):
@@ -304,7 +304,7 @@ class UpdateProgram(Program):
 
     @cached_property
     def used(self):
-        """Words of memory in use, but for the side memory."""
+        """Words of memory in use, the side memory excluded."""
         return max([*(address for node, address in self.addresses.items() if node not in self.schedule.aside),
                     *self.constants.values(), self.state_words - 1]) + 1
 
@@ -325,7 +325,7 @@ class UpdateProgram(Program):
 
     @property
     def address_fields(self):
-        """Paths of those parts of ``layout`` that have an ``address`` in the operand memory."""
+        """Paths of the parts of ``layout`` that have an ``address`` in the operand memory."""
         operands = [(f"port{port}", side) for port in self.read_ports for side in "ab"]
         conditions = [("condition",)] if "condition" in self.layout.members else []
         return (*operands, *conditions, ("write",))
@@ -386,12 +386,12 @@ class UpdateProgram(Program):
 class StreamProgram(Program):
     """The program of StreamEngine, one word for each cycle of the interval.
 
-    A word acts on the update in stage s as that update's cycle ``s * length + index`` demands.
+    For the update in stage s, word ``index`` contains cycle ``s * length + index`` of this update.
 
-    The main memory has a lower half for the state, word k of channel c and bank b at
-    ``(k * channels + c) * 2 + b``, and an upper half in which the same word stands as after a reset,
-    where c and b are zero, with constants and values of updates around it.
-    A value that is wanted for longer than an interval has two addresses, for every other update, or a higher power of
+    The lower half of the main memory holds the state: word k of channel c and bank b is at
+    ``(k * channels + c) * 2 + b``. The upper half holds the reset value of word k at the same place with c and b zero,
+    and constants and values of updates around these words.
+    A value that is needed for longer than an interval has two addresses, for alternate updates, or a higher power of
     two.
 
     Parameters
@@ -415,7 +415,7 @@ class StreamProgram(Program):
 
     @cached_property
     def conditions(self):
-        """What choices depend on: tuples of a node, and of how many intervals ago its sign was found."""
+        """Conditions of choices: tuples of a node, and of the number of intervals since its sign was computed."""
         found = [self._aged(step) for step in self.schedule.steps if step.node.condition is not None]
         return tuple(dict.fromkeys(found))
 
@@ -433,7 +433,7 @@ class StreamProgram(Program):
 
     @cached_property
     def _main(self):
-        """Bits of an address in each half; constants, and what the memory keeps of an update, with their addresses."""
+        """Bits of an address in each half; constants, and values of an update in memory, with their addresses."""
         values = dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant")
         own = set(self.graph.next_state.values())
         nodes = self._longest_first(
@@ -488,8 +488,8 @@ class StreamProgram(Program):
 
     @cached_property
     def kinds(self):
-        """Kinds of addresses, in the order of their numbers: pairs of a kind and its parameter, which is the number of
-        bits that turn, or the stage of the update whose state it is."""
+        """Kinds of addresses, in the order of their numbers: pairs of a kind and its parameter. The parameter is the
+        number of bits that count the intervals, or the stage of the update whose state is addressed."""
         turned = {(TURNED, self._copies(node).bit_length() - 1) for node in self.addresses if self._copies(node) > 2}
         read_again = {(NEXT, self._fetching(step)) for step in self.schedule.steps
                       for read in reads(step.node) if not read.condition and read.node in self._own}
@@ -498,12 +498,12 @@ class StreamProgram(Program):
 
     @property
     def turning_bits(self):
-        """Most bits of an address that turn."""
+        """Greatest number of bits of an address that count the intervals."""
         return max(parameter for kind, parameter in self.kinds if kind == TURNED)
 
     @cached_property
     def _own(self):
-        """Node to the state word that it is the next value of."""
+        """Maps each node to the state word whose next value it is."""
         return {node: word for word, node in self.graph.next_state.items()}
 
     @property
@@ -530,7 +530,7 @@ class StreamProgram(Program):
 
     @property
     def depths(self):
-        """Bus to the words of its memory."""
+        """Maps each bus to the number of words of its memory."""
         return {"main": self.depth, **({"side": self.side_depth} if self.side_depth else {})}
 
     def _stage(self, cycle):
@@ -547,14 +547,14 @@ class StreamProgram(Program):
         elif node.operation == "state" or node in self._own:
             address, kind = self.state[self._own.get(node, node.label)], (state, stage)
         elif (copies := self._copies(node)) > 1:
-            # The engine adds the number of the latest update: what is left is that of the update in the stage.
+            # The engine adds the number of the latest update; the sum is the number of the update in the stage.
             address, kind = self.addresses[node] + -stage % copies, (TURNED, copies.bit_length() - 1)
         else:
             address, kind = self.addresses[node], (PLAIN, 0)
         return {"address": address, "kind": self.kinds.index(kind)}
 
     def _write(self, put, step):
-        # What is on the bus is judged a cycle later.
+        # The value on the bus is checked one cycle later.
         put(step.write, step.bus, enable=1, source=self.sources[step.bus].index(step.unit),
             stage=self._stage(step.write + 1), **self._place(step.node, self._stage(step.write - 1)))
         if step.unit == "input":

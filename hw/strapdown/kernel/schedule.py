@@ -1,4 +1,4 @@
-"""When each operation starts, when its result is there, and whether memory has to keep it."""
+"""Schedules: the cycles of each operation and of its result, and the results that memory has to keep."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ __all__ = ["Schedule", "Step"]
 class Step:
     """One node in time.
 
-    ``unit`` is the unit that computes it; "input" for an input port; for a state word, the unit that puts its reset
-    value back. In cycle ``issue`` its operands are fetched, from memory or straight from where a result comes out in
-    that very cycle; ``write`` is the cycle in which its own result can be on the bus named ``bus``, "main" or "side".
-    ``stored`` tells whether it then goes into the memory of that bus.
+    ``unit`` is the unit that computes the node; "input" for an input port; for a state word, the unit that restores its
+    reset value. In cycle ``issue`` the operands are fetched, from memory or directly from a unit whose result comes out
+    in the same cycle. ``write`` is the cycle in which the result can be on the bus named ``bus``, "main" or "side".
+    ``stored`` is true if the memory of that bus stores the result.
     """
 
     node: Node
@@ -35,12 +35,12 @@ class Schedule:
     Attributes
     ----------
     graph, machine : Graph, Machine
-        What is scheduled, and the rules it obeys.
+        The graph, and the timing rules that the schedule obeys.
     steps : tuple of Step
-        In order of issue; cycles count from the beginning of the update.
+        In order of issue; cycles count from the start of the update.
     interval : int or None
-        Cycles from the beginning of one update to that of the next: what is taken in a cycle is taken in all cycles a
-        multiple of the interval away. None: an update begins after the one before has ended.
+        Cycles from the start of one update to the start of the next. A resource that is taken in a cycle is taken in
+        all cycles a multiple of the interval away. None: an update starts after the previous one has ended.
     """
 
     graph: Graph
@@ -60,28 +60,28 @@ class Schedule:
 
     @property
     def period(self):
-        """Cycles of the program, which repeats after them: the interval, or the whole length."""
+        """Cycles after which the program repeats: the interval, or the whole length."""
         return self.interval or self.length
 
     def slot(self, cycle):
-        """The cycle of the program that stands for a cycle of an update."""
+        """The cycle of the program for a cycle of an update."""
         return cycle % self.interval if self.interval else cycle
 
     @property
     def commit(self):
-        """The cycle in which outputs and state change: by then it is known whether all results are finite."""
+        """The cycle in which outputs and state change. All results have been checked for NaN and infinity by then."""
         return self.length + 1
 
     @property
     def stages(self):
-        """Most updates in flight at once."""
+        """Greatest number of updates in flight."""
         return self.commit // self.interval + 1 if self.interval else 1
 
     @property
     def section_ends(self):
-        """Last cycle of each section: that of its last issue, and of the last one the end of the schedule.
+        """Last cycle of each section: the cycle of its last issue; for the last section, the end of the schedule.
 
-        Steps of a section may be issued earlier, beside those of the section before.
+        Steps of a section may be issued earlier, together with those of the previous section.
         """
         ends, end = [], -1
         for section in self.graph.sections:
@@ -91,17 +91,17 @@ class Schedule:
 
     @cached_property
     def written(self):
-        """Node to the cycle in which its result is there."""
+        """Maps each node to the cycle in which its result is ready."""
         return {step.node: step.write for step in self.steps}
 
     @cached_property
     def bus(self):
-        """Node to the bus of its result."""
+        """Maps each node to the bus of its result."""
         return {step.node: step.bus for step in self.steps}
 
     @cached_property
     def last_read(self):
-        """Node to the last cycle in which it is fetched from an operand memory, if it is."""
+        """Maps each node that is fetched from an operand memory to the last cycle in which it is."""
         last: dict[Node, int] = {}
         for step in self.steps:
             for read in reads(step.node):
@@ -110,7 +110,7 @@ class Schedule:
         return last
 
     def forwarded(self, step, read):
-        """Whether ``step`` takes an operand straight from where it comes out, and not from memory."""
+        """True if ``step`` takes an operand in the cycle in which it comes out, and not from memory."""
         return read.node in self.written and self.machine.forwards(step.issue - self.written[read.node], read)
 
     @cached_property
@@ -124,20 +124,20 @@ class Schedule:
         return {step.node for step in self.steps if step.stored and step.bus == "side"}
 
     def on_bus(self, step):
-        """Whether a step's result goes over a result bus."""
+        """True if a step's result goes over a result bus."""
         return step.stored or step.unit not in self.direct
 
     @cached_property
     def bounds(self):
-        """Cycles that no schedule can do without, by what demands them: of the interval, or of the length."""
+        """Lower bounds of the interval, or of the length, in cycles, by their cause."""
         problem = Problem(self.graph, self.machine)
         return problem.intervals() if self.interval else problem.lengths()
 
     @cached_property
     def critical_path(self):
-        """The steps that the last result waits for, first to last, each with the cycles it waited beyond its operands.
+        """The steps that determine the last result, first to last, each with the cycles it waited after its operands.
 
-        Such a wait is for a unit, a read port or a result bus.
+        It waits for a unit, a read port or a result bus.
         """
         steps = {step.node: step for step in self.steps}
         path = [max(self.steps, key=lambda step: step.write)]
@@ -146,14 +146,14 @@ class Schedule:
             step = path[-1]
             waits = {steps[read.node]: step.issue - self.written[read.node] - self.machine.least_wait(read)
                      for read in reads(step.node) if read.node in steps}
-            # An operand that is tied to its reader comes as late as the other one makes it.
+            # An operand that is joined to its reader is delayed until the other operand is ready.
             if not waits:
                 return list(zip(path, [*waited, 0], strict=True))[::-1]
             path.append(min(waits, key=lambda other: (not other.stored, waits[other])))
             waited.append(waits[path[-1]])
 
     def utilisation(self):
-        """Unit or bus to the share of cycles in which it is taken."""
+        """Maps each unit and bus to the share of cycles in which it is taken."""
         taken: Counter[str] = Counter()
         for step in self.steps:
             if step.unit in self.machine.unit:
@@ -164,7 +164,7 @@ class Schedule:
         return {name: count / self.period for name, count in taken.items()}
 
     def verify(self):
-        """Raise AssertionError unless the schedule is one that the engine can run."""
+        """Raise AssertionError if the engine cannot run the schedule."""
         machine, written = self.machine, self.written
         assert len(written) == len(self.steps), "a node is scheduled twice"
         assert set(written) == {node for node in self.graph.nodes if machine.needs_step(node)}, "a node is missing"

@@ -15,7 +15,7 @@ from .trace import Tracer
 __all__ = ["System", "leaves", "matrix", "vector"]
 
 FIRST_BLOCK, LARGEST_BLOCK = 256, 4096
-"""Samples of a run that are computed at once: at first, and at most."""
+"""Number of samples of a run that are computed at once: the first, and the greatest."""
 
 
 def leaves(tree):
@@ -28,14 +28,14 @@ def leaves(tree):
 
 
 def shaped(tree, function):
-    """Nested tuples like ``tree`` (dicts become tuples), each leaf replaced by function(leaf)."""
+    """``tree`` as nested tuples (dicts become tuples), with each leaf replaced by function(leaf)."""
     if isinstance(tree, tuple | list):
         return tuple(shaped(branch, function) for branch in tree)
     return function(tree)
 
 
 def _shape(tree):
-    """Shape of an array with an element for each leaf of nested tuples."""
+    """Shape of an array with one element per leaf of nested tuples."""
     return (len(tree), *_shape(tree[0])) if isinstance(tree, tuple) else ()
 
 
@@ -50,7 +50,7 @@ def matrix(pattern):
 
 
 class Rounded(Float64):
-    """The namespace in which a kernel computes on NumPy's numbers of another type than float64."""
+    """The namespace in which a kernel computes on NumPy numbers of a type other than float64."""
 
     def __init__(self, dtype):
         self._dtype = dtype
@@ -60,7 +60,7 @@ class Rounded(Float64):
         return np.asarray(integer).astype(self._dtype)[()]
 
     def select(self, condition, a, b):  # type: ignore[override]
-        """As NumPy's ``where``, which makes float64 of two of Python's floats."""
+        """Like NumPy's ``where``, but two Python floats become numbers of the type, not float64."""
         return np.where(condition, a, b).astype(self._dtype)[()]
 
 
@@ -71,16 +71,16 @@ class System:
     Attributes
     ----------
     name, title : str
-        Name of the Verilog module, and one line on what it does.
+        Name of the Verilog module, and its function in one line.
     equations : callable
         Kernel ``equations(xp, **inputs, **state)``; returns an object with dicts ``outputs``,
         ``state`` and ``status``.
     inputs, outputs : dict
-        Argument or result name to its port names, nested as the kernel nests it.
+        Maps each argument or result to its port names, nested as in the kernel.
     state : dict
-        Argument name to the names of its words, nested likewise.
+        Maps each argument to the names of its words, nested as in the kernel.
     reset : dict
-        State word to its value after reset; all words that are left out are zero.
+        Maps each state word to its value after reset; omitted words are zero.
     status : tuple of str
         Conditions of the kernel that become status bits, lowest first.
     sections : tuple of str
@@ -90,9 +90,9 @@ class System:
     kernels : tuple of callable
         The functions whose docstrings describe the equations in the header.
     meanings : dict
-        Argument or result name to meaning, unit and frame of its ports.
+        Maps each argument or result to meaning, unit and frame of its ports.
     integers : dict
-        Input port that carries an integer in two's complement, such as the word of an analogue-to-digital
+        Maps each input port that takes an integer in two's complement, such as the word of an analogue-to-digital
         converter, to its number of bits, at least 2. The equations get the number; the pool needs a Converter.
     status_port : str
         Port of the status bits. A system with a status port refuses an update in which a number is
@@ -151,7 +151,7 @@ class System:
 
     @property
     def port_meanings(self):
-        """Data port to its meaning, unit and frame."""
+        """Maps each data port to its meaning, unit and frame."""
         return {port: self.meanings.get(name, "") for group in (self.inputs, self.outputs)
                 for name, tree in group.items() for port in leaves(tree)}
 
@@ -174,7 +174,7 @@ class System:
         Returns
         -------
         dict
-            Input port to an array of the leading axes' shape.
+            Maps each input port to an array of the shape of the leading axes.
 
         Raises: TypeError for a name that is missing or unknown; ValueError for a shape that does not fit.
         """
@@ -183,7 +183,7 @@ class System:
         return self._bound("input", self.inputs, values)
 
     def bind_state(self, **values):
-        """Numbers for all words of the state, as ``bind`` gives them for inputs; a name left out has its reset value.
+        """Numbers for all words of the state, like ``bind`` for inputs; an omitted name has its reset value.
 
         Raises: TypeError for a name that is unknown; ValueError for a shape that does not fit.
         """
@@ -196,14 +196,16 @@ class System:
         Parameters
         ----------
         result : dict
-            Port or word to numbers, as ``run``, ``update_twin``, ``update_float64`` and the drivers give them.
+            Maps each port or word to numbers, as returned by ``run``, ``update_twin``, ``update_float64`` and the
+            drivers.
         names : dict, optional
-            What to read: ``outputs`` by default; or ``inputs``, or ``state``.
+            The ports to read: ``outputs`` by default; or ``inputs``, or ``state``.
 
         Returns
         -------
         dict
-            Name to an array of shape (..., 3) for a vector of three, (..., 3, 3) for a matrix, (...) for a scalar.
+            Maps each name to an array of shape (..., 3) for a vector of three, (..., 3, 3) for a matrix, (...) for a
+            scalar.
         """
         arrays = {}
         for name, tree in (self.outputs if names is None else names).items():
@@ -212,7 +214,7 @@ class System:
         return arrays
 
     def _bound(self, kind, trees, values):
-        """Leaf to array, for values by the names of ``trees``."""
+        """Maps each leaf to its array, for values by the names of ``trees``."""
         if unknown := [name for name in values if name not in trees]:
             raise TypeError(f"{self.name} has no {kind} {unknown[0]!r}: choose from {', '.join(trees)}")
         arrays: dict = {}
@@ -262,10 +264,10 @@ class System:
         return self._update(Float64(), np.float64, lambda array: array, inputs, state)
 
     def update_twin(self, pool, inputs, state=None):
-        """One update, equal to the circuit in every bit: as ``update_float64``, in the format's dtype.
+        """One update, equal to the circuit in every bit: like ``update_float64``, in the format's dtype.
 
         A system with a status port refuses an update in which a number that the circuit writes is not
-        finite: ``refused`` says which ones. Outputs and state of refused updates have no meaning here.
+        finite: ``refused`` marks these updates. Outputs and state of refused updates have no meaning here.
         """
         xp = Twin(pool)
         with np.errstate(all="ignore"):
@@ -279,30 +281,30 @@ class System:
 
     def run(self, pool: Pool, inputs: Mapping[str, ArrayLike],
             state: Mapping[str, ArrayLike] | None = None) -> tuple[dict, dict]:
-        """Updates of the twin in order, one a sample, each from the state that the update before it left.
+        """Updates of the twin in order, one per sample, each from the state after the previous update.
 
         Parameters
         ----------
         pool : Pool
         inputs : dict
-            Input port to numbers of shape (N, ...), as from ``bind``: N samples, and runs side by side in
-            the other axes.
+            Maps each input port to numbers of shape (N, ...), as from ``bind``: N samples; the other axes are
+            independent runs.
         state : dict, optional
-            State before the first sample, as from an earlier ``run`` or from ``bind_state``; that of the
-            reset by default.
+            State before the first sample, for example from an earlier ``run`` or from ``bind_state``; the reset
+            state by default.
 
         Returns
         -------
         result : dict
-            Output port and state word to arrays of the format's dtype, shape (N, ...), as the circuit shows
-            them after each update, and status name to bools. A refused update (``refused``, if there is a
-            status port) leaves outputs and state as they were and has no other status.
+            Maps each output port and state word to an array of the format's dtype, shape (N, ...), with the
+            values after each update, and each status name to bools. A refused update (``refused``, if the system has
+            a status port) does not change outputs and state, and has no other status.
         state : dict
-            State after the last sample, outputs included, with which another run goes on.
+            State after the last sample, outputs included; another run can continue from it.
 
         Notes
         -----
-        An update needs the state of the update before it, but the twin is fast only on many samples at
+        An update needs the state after the previous update, but the twin is fast only on many samples at
         once. NumPy's own arithmetic therefore predicts the states of a block of samples, one after the
         other, and the twin computes the whole block from the predicted states. The samples after the
         first wrong prediction are computed again, so the result never depends on the prediction.
@@ -335,7 +337,7 @@ class System:
             first, size = first + good, min(2 * good, LARGEST_BLOCK) if words else count
         result = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
         refused = result["refused"] if self.status_port else result.pop("refused")
-        # What an output shows was computed by the last update that was not refused; row 0 stands for the start.
+        # An output has the value of the last update that was not refused; row 0 is the start.
         row = np.maximum.accumulate(np.where(refused, 0, np.arange(1, count + 1).reshape(-1, *(1 for _ in lanes))))
         for port in self.output_ports:
             shown = np.concatenate((held[port][None], result[port]))
@@ -344,7 +346,7 @@ class System:
         return result, {name: result[name][-1] for name in held}
 
     def run_float64(self, inputs, state=None):
-        """Updates of the equations in float64, in order: as ``run``, without the circuit's rounding.
+        """Updates of the equations in float64, in order: like ``run``, without the circuit's rounding.
 
         Outputs before the first update that is not refused are zero. Parameters and results are those of
         ``run``, in float64.
@@ -378,7 +380,7 @@ class System:
         return dict(zip(columns, arrays, strict=True))
 
     def _predicted(self, dtype, inputs, state):
-        """State before each of the updates of a block, nearly always equal to that of the twin.
+        """State before each update of a block; nearly always equal to that of the twin.
 
         NumPy rounds as the operators do, except for subnormal numbers and trigonometry.
         """
@@ -398,7 +400,7 @@ class System:
         return states
 
     def _evaluated(self, xp, read_input, read_state):
-        """What the equations give for the values at input ports and in state words."""
+        """Results of the equations for the values of input ports and state words."""
         def number(port):
             value = read_input(port)
             return xp.from_integer(value) if port in self.integers else value

@@ -1,4 +1,4 @@
-"""Kernels run once with symbols for numbers: the graph of their operations."""
+"""Traces of kernels: a kernel runs once with symbols in place of numbers, which gives the graph of its operations."""
 
 import sys
 from collections.abc import Iterator
@@ -30,11 +30,11 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One value of a graph: an operation, or where a value comes from.
+    """One value of a graph: the result of an operation, an input, a state word or a constant.
 
-    ``operation`` is one that a pool's units compute, or input, state or constant. ``label`` is the
+    ``operation`` is an operation of a pool's units, or input, state or constant. ``label`` is the
     port, state word or number of the last three.
-    ``origin`` is the chain of kernel lines that asked for it, outermost first.
+    ``origin`` is the chain of kernel lines that caused the operation, outermost first.
     """
 
     operation: str
@@ -46,12 +46,12 @@ class Node:
 
     @property
     def computed(self):
-        """Whether a unit has to compute it."""
+        """True if a unit has to compute it."""
         return self.operation not in ("input", "state", "constant")
 
     @property
     def condition(self):
-        """The operand whose sign decides, an Operand; None if the operation has no condition."""
+        """The Operand whose sign is the condition; None if the operation has no condition."""
         return self.operands[-1] if self._takes_condition else None
 
     @property
@@ -61,7 +61,7 @@ class Node:
 
     @property
     def spreads(self):
-        """Whether an operand that is infinite or NaN always gives a result that is infinite or NaN."""
+        """True if an operand that is infinite or NaN always gives a result that is infinite or NaN."""
         return self.computed and OPERATIONS[self.operation].spreads
 
     @property
@@ -76,7 +76,7 @@ class Node:
 
 
 class Operand(NamedTuple):
-    """A node as seen by an operation: its value, or its value with the sign turned."""
+    """A node as an operand of an operation: its value, or its value with the opposite sign."""
 
     node: Node
     negated: bool = False
@@ -93,9 +93,9 @@ class Graph:
     inputs : tuple of str
         Input ports, in order.
     state : dict
-        State word to its value after reset.
+        Maps each state word to its value after reset.
     next_state, outputs, status : dict
-        State word, output port or status bit to the node that gives it. A status bit is the
+        Map each state word, output port or status bit to the node that gives it. A status bit is the
         sign of its operand.
     sections : tuple of str
         Stages, in order.
@@ -111,7 +111,7 @@ class Graph:
 
     @property
     def reset_outputs(self):
-        """Output port to its value after a reset: that of the state word that the output equals, else zero."""
+        """Maps each output port to its value after a reset: that of the state word that it equals, else zero."""
         words = {node: word for word, node in self.next_state.items()}
         return {port: self.state[words[node]] if node in words else 0.0 for port, node in self.outputs.items()}
 
@@ -141,16 +141,16 @@ class Condition(NamedTuple):
 class Tracer(Namespace):
     """The namespace that records the operations of a kernel; equal operations are recorded once.
 
-    Sign changes cost nothing: they belong to the operand that reads the value.
+    Sign changes cost nothing, because the operand that reads the value makes them.
 
     Parameters
     ----------
     pool : Pool
         Supplies the number format and the available operations.
     sections : tuple of str
-        Stages the kernel may name; what it computes outside of them belongs to the first.
+        Stages that the kernel may name; operations outside of them belong to the first stage.
     modules : set of str
-        Names of modules outside this package whose lines count as the origin of an operation too.
+        Names of modules outside this package whose lines also count as the origin of an operation.
     """
 
     def __init__(self, pool, sections, modules=frozenset()):
@@ -161,7 +161,7 @@ class Tracer(Namespace):
         self._nodes: dict[tuple, Node] = {}
         self._words: dict[Node, str] = {}
 
-    # Where values come from.
+    # Sources of values.
 
     def lift(self, number):
         magnitude = float(self.pool.format.array(abs(number)))
@@ -178,7 +178,7 @@ class Tracer(Namespace):
         return self._symbol(Operand(a.operand.node, not a.operand.negated))
 
     def add(self, a, b):
-        # x - 0 is x, whatever x is; -0 is what ``subtract`` makes of the constant 0.
+        # x - 0 is x for every x; ``subtract`` makes -0 from the constant 0.
         if b.operand.node.operation == "constant" and b.operand.node.value == 0 and b.operand.negated:
             return a
         return super().add(a, b)
@@ -206,7 +206,7 @@ class Tracer(Namespace):
     def settled(self, symbol, word=None):
         """A computed node with the value of ``symbol``: a copy if the value is an input, a state word or negated.
 
-        A state ``word`` has a node of its own, because a node is written to one address.
+        Each state ``word`` gets a separate node, because a node is written to one address.
         """
         operand = symbol.operand
         shared = word is not None and self._words.setdefault(operand.node, word) != word
@@ -253,9 +253,9 @@ def _origin(modules) -> Iterator[Origin]:
             file = module.removeprefix("strapdown.").replace(".", "/") + ".py"
             chain.append(Origin(file, frame.f_lineno, frame.f_code.co_name))
         elif module in modules:
-            # A file of the user's own: its name, but not where it lies on this machine.
+            # A user's file: its name without the path on this machine.
             chain.append(Origin(Path(frame.f_code.co_filename).name, frame.f_lineno, frame.f_code.co_name))
         frame = frame.f_back
-    # A generator expression inside a kernel function is a frame of its own: keep the function's.
+    # A generator expression inside a kernel function has a separate frame: keep that of the function.
     named = [origin for origin in chain if not origin.function.startswith("<")]
     yield from reversed(named or chain)

@@ -1,4 +1,4 @@
-"""Scalars of a kernel: Python's operators call the namespace, which gives them their meaning."""
+"""Scalars of a kernel. Python's operators call the namespace, which gives them their meaning."""
 
 from abc import ABC, abstractmethod
 from contextlib import nullcontext
@@ -13,13 +13,13 @@ __all__ = ["Namespace", "Value"]
 class Namespace(ABC):
     """Base of the namespaces whose values are not plain numbers.
 
-    Every operation of ``OPERATIONS`` is a method, of values and numbers: computed by the pool's unit for it,
-    or by others if the pool has none and there is a way.
+    Every operation of ``OPERATIONS`` is a method that takes values and numbers. The pool's unit for it computes it;
+    if the pool has no such unit, other units do, where that is possible.
 
     Parameters
     ----------
     pool : Pool
-        The units there are.
+        The available units.
 
     Raises: AttributeError for an unknown operation; ValueError for one that the pool cannot compute.
     """
@@ -41,14 +41,14 @@ class Namespace(ABC):
 
     @abstractmethod
     def is_negative(self, a):
-        """The condition that the sign bit of ``a`` is set."""
+        """Condition: the sign bit of ``a`` is set."""
 
     @abstractmethod
     def select(self, condition, a, b):
         """``a`` where the condition holds, else ``b``."""
 
     def lift_value(self, operand):
-        """``operand`` as a value of this namespace; TypeError if it is no number."""
+        """``operand`` as a value of this namespace; TypeError if it is not a number."""
         if isinstance(operand, Value):
             if operand.namespace is not self:
                 raise TypeError("a kernel must not mix values of two namespaces")
@@ -62,7 +62,7 @@ class Namespace(ABC):
         return partial(self.call, known) if isinstance(known, Operation) else partial(known, self)
 
     def call(self, operation, *operands):
-        """What an Operation makes of values or numbers: a value, or a condition if it gives one."""
+        """Result of an Operation on values or numbers: a value, or a condition if the operation gives one."""
         values = [self.lift_value(operand) for operand in operands]
         if operation.name in self.pool.operations:
             result = self.apply(operation.name, *values)
@@ -87,7 +87,7 @@ class Namespace(ABC):
 class Value:
     """A scalar with Python's arithmetic; its namespace performs each operation."""
 
-    # NumPy scalars and arrays must not broadcast over a Value, but leave the operation to it.
+    # NumPy scalars and arrays must not broadcast over a Value; the Value performs the operation.
     __array_ufunc__ = None
 
     def __init__(self, namespace):

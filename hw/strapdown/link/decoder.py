@@ -1,4 +1,4 @@
-"""The receiver of the serial line, in Python: frames from bytes."""
+"""The receiver of the serial line, in Python: it turns bytes into frames."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class Frame:
     Attributes
     ----------
     number : int
-        Updates since the first frame; the counter's overflows are undone.
+        Updates since the first frame, without the overflows of the counter.
     status : int
         Status bits of the core.
     values : ndarray, shape (9,)
@@ -29,7 +29,7 @@ class Frame:
 
 
 class FrameDecoder:
-    """Frames from a stream of bytes, with or without garbage.
+    """Finds frames in a stream of bytes, with or without garbage.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class FrameDecoder:
     lost : int
         Updates missing between the frames, by their counters.
     restarts : int
-        How often the counter stood still or went back, by up to 32,768: the core was reset.
+        Number of times that the counter did not change, or went back by up to 32,768: the core was reset.
     skipped_bytes : int
         Bytes that belong to no complete frame.
     """
@@ -58,7 +58,7 @@ class FrameDecoder:
                 found.append(frame)
                 start += size
             else:
-                # A frame may begin inside these bytes.
+                # Another frame may begin inside these bytes.
                 begin = self._pending.find(SYNC[:1], start + 1)
                 begin = len(self._pending) if begin < 0 else begin
                 self.skipped_bytes += begin - start
@@ -67,7 +67,7 @@ class FrameDecoder:
         return found
 
     def finish(self):
-        """End of the bytes: return the Frames inside what looked like the beginning of a longer frame."""
+        """End of the stream: return the Frames inside bytes that looked like the beginning of a longer frame."""
         found = []
         while self._pending:
             del self._pending[0]

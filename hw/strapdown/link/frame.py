@@ -1,4 +1,4 @@
-"""The layout of a frame on the serial line: the only description, for circuit, decoder and documents."""
+"""The layout of a frame on the serial line: one description for circuit, decoder and documents."""
 
 import binascii
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ class Field:
     ----------
     name : str
     size : int or None
-        Bytes; None: as many as ``length`` says. All but ``sync`` and ``crc`` are sent with the least significant byte
-        first.
+        Number of bytes; None means the value of the field ``length``. All fields but ``sync`` and ``crc`` are sent
+        with the least significant byte first.
     meaning : str
-        For documents.
+        Text for documents.
     """
 
     name: str
@@ -45,7 +45,7 @@ class FrameType:
 
     @property
     def payload_sizes(self):
-        """Bytes of a payload to bytes per number, for binary32 and binary64."""
+        """Maps the bytes of a payload to the bytes per number, for binary32 and binary64."""
         return {len(self.quantities) * size: size for size in (4, 8)}
 
 

@@ -1,4 +1,4 @@
-"""Frames: taken from what a core shows, and sent over a serial line."""
+"""Frames: sampled from the outputs of a core, and sent over a serial line."""
 
 from amaranth import *
 from amaranth.lib import data, stream
@@ -14,9 +14,9 @@ __all__ = ["FrameSampler", "FrameSender", "frame_layout"]
 
 
 def frame_layout(payload_size):
-    """What differs from frame to frame, as a StructLayout: counter, status, and payload of so many bytes.
+    """The fields that differ from frame to frame, as a StructLayout: counter, status, and payload.
 
-    Raises: ValueError for a size that a frame cannot have.
+    ``payload_size`` is in bytes. Raises: ValueError for a size that a frame cannot have.
     """
     if not 1 <= payload_size <= MAX_PAYLOAD:
         raise ValueError(f"payload must have 1 to {MAX_PAYLOAD} bytes, not {payload_size}")
@@ -31,7 +31,7 @@ def _width(name):
 
 
 class FrameSampler(Described):
-    """Numbers what it is told to sample, and hands on what the receiver can take at once.
+    """Samples and numbers the updates, and offers each sample to a stream in the same cycle.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ class FrameSampler(Described):
     Members
     -------
     sample : In(1)
-        Status and payload are sampled in every cycle with this high.
+        Status and payload are sampled in every cycle in which this is high.
     status, payload : In(8), In(8 * payload_size)
-        What is sampled, least significant byte first.
+        The values to sample, least significant byte first.
     frames : Out(stream of frame_layout(payload_size))
         The samples, in the cycle in which they come. A sample that comes while the stream is not ready is lost:
         ``valid`` is high only together with ``ready``, so ``ready`` must not wait for it.
     overrun : Out(1)
         The last sample was lost.
 
-    ``counter`` counts all samples since reset, also the lost ones: the receiver sees a gap where one was.
-    Latency: none, but a cycle for ``overrun``.
+    ``counter`` counts all samples since reset, lost samples included, so the receiver sees a gap for each loss.
+    Latency: none; one cycle for ``overrun``.
     Raises: ValueError for a size out of range.
     """
 
@@ -85,11 +85,12 @@ class FrameSender(Described):
     Members
     -------
     frames : In(stream of frame_layout(payload_size))
-        What is sent, least significant byte first. ``ready`` is a function of registers.
+        The frames to send, least significant byte first. ``ready`` depends on registers only.
     tx : Out(1)
         The serial line.
 
-    Latency: the first start bit begins two cycles after the frame was taken; one is taken every ``interval`` cycles.
+    Latency: the first start bit begins two cycles after the frame was taken. A frame can be taken every ``interval``
+    cycles.
     Raises: ValueError for a kind or size out of range, and as ``UartTransmitter``.
     """
 
@@ -108,12 +109,12 @@ class FrameSender(Described):
 
     @property
     def divisor(self):
-        """Clock cycles a bit."""
+        """Clock cycles per bit."""
         return self._uart.divisor
 
     @property
     def interval(self):
-        """Cycles from one frame to the next, if the line is never idle."""
+        """Least number of cycles from one frame to the next."""
         return self.size * BITS_PER_BYTE * self.divisor + 1
 
     def compute(self, counter, status, payload):

@@ -13,28 +13,28 @@ BITS_PER_BYTE = 10
 
 LEAST_DIVISOR = 4
 LARGEST_ERROR = 0.02
-"""A receiver samples the stop bit 9.5 bits after the start's edge. Half a bit, less a sixteenth for its own
-sampling, is 4.6 % there, of which a transmitter may take less than half."""
+"""A receiver samples the stop bit 9.5 bits after the edge of the start bit. There, an error of half a bit, less a
+sixteenth for the receiver's sampling, is 4.6 %. The transmitter may use less than half of it."""
 
 
 class UartTransmitter(Described):
-    """Bytes to a serial line, 8N1, least significant bit first.
+    """Sends bytes over a serial line, 8N1, least significant bit first.
 
     Parameters
     ----------
     clock_hz, baud_rate : float
-        Frequency of the clock, and bits a second on the line.
+        Frequency of the clock, and bits per second on the line.
 
     Members
     -------
     data : In(stream of 8 bits)
         Bytes.
     tx : Out(1)
-        The line, straight from a register; high while idle.
+        The line, directly from a register; high while idle.
 
     Latency: the start bit begins in the cycle after the byte was taken. A byte takes ``10 * divisor`` cycles;
     ``data.ready`` is high in the last of them, so that bytes follow each other without a gap.
-    Raises: ValueError if a bit is shorter than 4 cycles, or the rate is off by more than 2 %.
+    Raises: ValueError if a bit is shorter than 4 cycles, or the rate has an error of more than 2 %.
     """
 
     def __init__(self, *, clock_hz, baud_rate):
@@ -52,7 +52,7 @@ class UartTransmitter(Described):
 
     @property
     def divisor(self):
-        """Clock cycles a bit."""
+        """Clock cycles per bit."""
         return self._divisor
 
     def elaborate(self, platform):
@@ -70,6 +70,6 @@ class UartTransmitter(Described):
                 m.d.sync += [shift.eq(Cat(C(0, 1), self.data.payload, C(1, 1))), left.eq(BITS_PER_BYTE),
                              timer.eq(self._divisor - 1)]
         with m.Elif(bit_ends):
-            # Ones follow the stop bit: the idle line.
+            # Ones follow the stop bit, so the idle line is high.
             m.d.sync += [shift.eq(Cat(shift[1:], C(1, 1))), left.eq(left - 1)]
         return m

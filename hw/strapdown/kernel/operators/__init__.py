@@ -1,4 +1,4 @@
-"""The kinds of operators that a pool may have: a file each, and a line here."""
+"""The kinds of operators that a pool may have. Each kind has a file, and a line here."""
 
 from .adder import *
 from .arctangent import *

@@ -1,4 +1,4 @@
-"""What an operator of a pool is: the operations that it offers to kernels, and the component that computes them."""
+"""Operators of a pool: the operations that they offer to kernels, and the components that compute them."""
 
 import operator
 from collections.abc import Callable
@@ -10,26 +10,28 @@ __all__ = ["FUNCTIONS", "OPERATIONS", "Operation", "Operator", "meaning"]
 
 @dataclass(frozen=True)
 class Operation:
-    """What an operator computes for kernels: ``xp.<name>``.
+    """An operation that an operator offers to kernels as ``xp.<name>``.
 
     Attributes
     ----------
     name : str
         Name in kernels, graphs and listings.
     twin : callable
-        The operator's component and arrays of the format's dtype to the array of results, bit for bit.
+        Bit-exact function of the operator's component and of arrays of the format's dtype; returns the array of
+        results.
     float64 : callable
-        Float64 arrays to the array of results.
+        Function of float64 arrays; returns the array of results.
     fallback : callable
-        ``xp`` and values to the result that other operators give in a pool without this one. None: there is no way.
+        Function of ``xp`` and values; returns the result from other operators, for a pool without this one. None: other
+        operators cannot compute it.
     mode : str
-        Member of the component that is high for this operation, if it has several.
+        Member of the component that is high for this operation, if the component has several operations.
     spreads : bool
-        Whether an operand that is infinite or NaN always gives a result that is infinite or NaN.
+        True if an operand that is infinite or NaN always gives a result that is infinite or NaN.
     takes_condition : bool
-        Whether the last operand is a condition: only its sign counts.
+        True if the last operand is a condition: only its sign counts.
     gives_condition : bool
-        Whether the result is a condition of the kernel: only its sign counts.
+        True if the result is a condition of the kernel: only its sign counts.
     """
 
     name: str
@@ -43,10 +45,10 @@ class Operation:
 
 
 OPERATIONS: dict[str, Operation] = {}
-"""All operations by name; an operator enters its own where it is defined."""
+"""All operations by name; the definition of an operator adds its operations."""
 
 FUNCTIONS: dict[str, Callable] = {}
-"""What kernels can ask for beside them: name to a function of ``xp`` and operands, made of operations."""
+"""Further names for kernels. Each maps to a function of ``xp`` and operands that consists of operations."""
 
 
 def meaning(name):
@@ -66,24 +68,24 @@ class Operator:
     Attributes
     ----------
     name : str
-        Name of its instance in the Verilog; several instances are numbered.
+        Name of the instance in the Verilog; several instances are numbered.
     component : type
-        The circuit. It takes the format of the numbers and the timing parameters by name, and has members
-        ``start`` and ``result``, those of ``operands``, the modes of the operations and ``condition`` if an
-        operation takes one; and ``latency`` and ``interval``.
+        The circuit. It takes the format of the numbers and the timing parameters by name. It has the members
+        ``start`` and ``result``, those of ``operands``, the modes of the operations, and ``condition`` if an
+        operation takes one. It also has ``latency`` and ``interval``.
     operations : tuple of Operation
-        What the component computes.
+        The operations that the component computes.
     functions : dict
-        What kernels can ask for beside that: name to a function of ``xp`` and operands, made of operations.
+        Further names for kernels. Each maps to a function of ``xp`` and operands that consists of operations.
     operands : tuple of str
         Members of the component that take the operands, the condition excluded: one or two.
     direct : bool
-        Whether results go straight to the result bus, and can be operands as they come out. Those of
-        operators that are seldom used are registered once more on the way.
+        True if results go directly to the result bus, and can be operands in the cycle in which they come out. The
+        results of operators that are seldom used are registered once more on the way.
     beside : str
-        Name of the operator whose pairs of read ports it shares; empty for one that has its own.
+        Name of the operator whose pairs of read ports this one shares; empty if it has its own.
     count : int
-        How many there are of it.
+        Number of instances.
     """
 
     name: ClassVar[str]
@@ -108,9 +110,9 @@ class Operator:
             raise ValueError(f"count of {self.name} must be at least 1, not {self.count!r}")
 
     def make(self, format) -> Any:
-        """A fresh component for numbers of a format.
+        """A new component for numbers of a format.
 
-        Raises: TypeError and ValueError for parameters that it refuses.
+        Raises: TypeError and ValueError for parameters that the component refuses.
         """
         timing = {parameter.name: getattr(self, parameter.name) for parameter in fields(self)
                   if parameter.name != "count"}

@@ -16,14 +16,14 @@ __all__ = ["Comparator"]
 
 
 class Less(Described):
-    """``FpCompare`` with its answer as a number: -0 for ``a < b``, else +0.
+    """``FpCompare`` with a number as result: -0 for ``a < b``, else +0.
 
     Members
     -------
     a, b, start : In(format), In(format), In(1)
         Operands, any common unit; taken while ``start`` is high.
     result, done : Out(format), Out(1)
-        The answer, valid while ``done`` is high.
+        The result, valid while ``done`` is high.
 
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Raises: ValueError if ``latency`` is out of range.
@@ -61,7 +61,7 @@ class Less(Described):
 class Comparator(Operator):
     """Pipelined ``a < b``, and ``a > b`` with the operands exchanged; without it, they are the sign of a difference.
 
-    Of an operand that is NaN nothing holds; an update that computes one is refused in any case.
+    If an operand is NaN, both relations are false. A system with a status port refuses the update in that case.
 
     Parameters
     ----------

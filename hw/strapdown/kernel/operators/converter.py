@@ -20,7 +20,7 @@ def integer_bits(format):
 
 
 def integer_word(format, integers):
-    """Memory words that hold integers: an array of the format's dtype, whatever numbers its bits stand for."""
+    """Memory words that hold integers, as an array of the format's dtype; its values as numbers have no meaning."""
     bits = np.asarray(integers, np.int64) & ((1 << integer_bits(format)) - 1)
     return format.from_bits(bits.astype(format.bits_dtype))
 
@@ -43,9 +43,9 @@ class IntegerToFp(FixedToFp):
 
 @dataclass(frozen=True, kw_only=True)
 class Converter(Operator):
-    """Pipelined conversion of integers, as an input port brings them, to numbers: rounded to nearest.
+    """Pipelined conversion of the integers of an input port to numbers, rounded to nearest.
 
-    Kernels do not ask for it: the equations of a ``System`` get the numbers of its integer ports.
+    Kernels do not call it: the equations of a ``System`` get the numbers of its integer ports.
 
     Parameters
     ----------

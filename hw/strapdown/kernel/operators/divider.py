@@ -18,7 +18,7 @@ class Divider(Operator):
     Parameters
     ----------
     bits_per_cycle : int
-        Result bits found in a cycle, as of ``FpDivideSquareRoot``.
+        Result bits per cycle, as in ``FpDivideSquareRoot``.
     count : int
         How many there are.
     """

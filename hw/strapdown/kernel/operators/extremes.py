@@ -13,9 +13,9 @@ __all__ = ["Extremes"]
 
 @dataclass(frozen=True, kw_only=True)
 class Extremes(Operator):
-    """Pipelined minimum and maximum; without it, they are a choice by a comparison.
+    """Pipelined minimum and maximum; without it, they are a comparison and a choice.
 
-    It takes -0 for less than +0. The choice does not tell them apart: of equal numbers it gives the first.
+    The operator treats -0 as less than +0. The choice treats them as equal, and gives the first of equal numbers.
 
     Parameters
     ----------

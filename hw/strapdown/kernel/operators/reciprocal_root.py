@@ -18,7 +18,7 @@ class ReciprocalRoot(Operator):
     Parameters
     ----------
     bits_per_cycle : int
-        Result bits found in a cycle, as of ``FpReciprocalSquareRoot``.
+        Result bits per cycle, as in ``FpReciprocalSquareRoot``.
     count : int
         How many there are.
     """

@@ -15,7 +15,7 @@ __all__ = ["Selector"]
 class Selector(Operator):
     """Choice by a condition, ``xp.select(condition, a, b)``, and copies of numbers, from one place to another.
 
-    There is one in a pool, because a program finds one condition a cycle.
+    A pool has one selector, because a program fetches one condition per cycle.
     """
 
     name = "selector"

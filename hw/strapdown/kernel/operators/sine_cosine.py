@@ -22,7 +22,7 @@ class SineOrCosine(Described):
     Members
     -------
     angle, cosine, start : In(format), In(1), In(1)
-        Angle, rad, and whether its cosine is wanted; taken while ``start`` is high.
+        Angle, rad, and 1 for its cosine, 0 for its sine; taken while ``start`` is high.
     result, done : Out(format), Out(1)
         Sine or cosine, valid while ``done`` is high.
 
@@ -45,13 +45,13 @@ class SineOrCosine(Described):
         return self._rotation.interval
 
     def compute(self, angle):
-        """Bit-exact software twin: an array of the format's dtype to its sines and cosines."""
+        """Bit-exact software twin: sines and cosines of an array of the format's dtype."""
         return self._rotation.compute(angle)
 
     def elaborate(self, platform):
         m = Module()
         m.submodules.rotation = rotation = self._rotation
-        # The next start may come in the cycle before ``done``: each wish waits until the rotation that it is for ends.
+        # The next start may come in the cycle before ``done``, so each ``cosine`` is kept until its rotation ends.
         wanted, shown = Signal(reset_less=True), Signal(reset_less=True)
         with m.If(self.start):
             m.d.sync += wanted.eq(self.cosine)
@@ -65,9 +65,9 @@ class SineOrCosine(Described):
 class SineCosine(Operator):
     """Iterative sine and cosine of an angle in radians, below 256 in magnitude: ``xp.sin``, ``xp.cos``, ``xp.sincos``.
 
-    A rotation finds both, but an operation of a pool has one result: ``xp.sincos`` is two rotations. To
-    keep the other result would save one of them; but no other angle could come in between, and a
-    schedule could not place the two freely.
+    A rotation computes both, but an operation of a pool has one result, so ``xp.sincos`` is two rotations. A
+    component that keeps the second result would save one of them. But then no other angle could come between the
+    two, and a schedule could not place them freely.
 
     Parameters
     ----------
