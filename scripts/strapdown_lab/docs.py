@@ -1,7 +1,7 @@
 """Write the generated figures into README.md and docs/, the operators' pages, and the picture of the demo.
 
-Run by `make docs`, after `make demo`. The tests hold the files against the same functions. The figures of
-docs/report.md and docs/flight.md come from docs/report, where `make report` and `make accuracy` put them.
+`make docs` runs this module, after `make demo`. The tests compare the files with the same functions. The figures of
+docs/report.md and docs/flight.md come from docs/report, where `make report` and `make accuracy` write them.
 """
 
 import json
@@ -24,14 +24,14 @@ from .studies.accuracy import figure_table
 
 
 def modules_block(make_core=make_core):
-    """Table of the modules with their latency. ``make_core`` may keep the cores it has made."""
+    """Table of the modules with their latency. ``make_core`` may cache cores."""
     cores = {name: make_core(name, THESIS) for name in ATTITUDE_CORES}
-    return markdown_table(["module", "what it gives", "cycles:", "µs at 100 MHz:"], [
+    return markdown_table(["module", "what it computes", "cycles:", "µs at 100 MHz:"], [
         [f"`{name}`", core.system.title, core.latency, f"{core.latency / 100:.2f}"] for name, core in cores.items()])
 
 
 def configurations_block(make_core=make_core):
-    """Table of the configurations: their top module, cycles, and what was measured of it."""
+    """Table of the configurations: top module, cycles, and measured figures."""
     report = ROOT / "docs" / "report" / "cores.json"
     measured = {row["config"]: row for row in json.loads(report.read_text())["cores"]} if report.exists() else {}
     rows = []
@@ -58,7 +58,7 @@ def channels_block(make_core=make_core):
 
 
 def demo_block(summary):
-    """Table of what a replay's summary says."""
+    """Table of the summary of a replay."""
     difference = summary["against_float64_reference_deg"]
     return markdown_table(
         ["samples:", "cycles per update:", "µs at 100 MHz:", "largest rotation angle to float64:",
@@ -75,7 +75,7 @@ def own_kernel(page):
 
 
 def compass_block():
-    """What the commands print for the example in docs/kernels.md."""
+    """Output of the commands for the example in docs/kernels.md."""
     lines = ["```text"]
     with TemporaryDirectory() as folder, chdir(folder):
         Path("my_core.py").write_text(own_kernel((ROOT / "docs" / "kernels.md").read_text(encoding="utf-8")),
@@ -101,7 +101,7 @@ def accuracy_blocks():
 
 
 def operator_pages():
-    """Pages of docs/operators, by the name of their operator; with its resources where they have been measured."""
+    """Pages of docs/operators, by the name of their operator, with measured resources if available."""
     figures = ROOT / "docs" / "report" / "operators.json"
     report = json.loads(figures.read_text()) if figures.exists() else None
     return {name: page_text(page, report) for name, page in PAGES.items()}

@@ -1,4 +1,4 @@
-"""The list of operators: what reports, pages, proofs and exhaustive runs need of each, and nowhere else."""
+"""The list of operators: all data that reports, pages, proofs and exhaustive runs need about each of them."""
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -39,13 +39,13 @@ FLUSH = BINARY32.with_subnormals("flush")
 BOTH = (BINARY32,), (FLUSH,)
 FLUSH_FIRST = (FLUSH,), (BINARY32,)
 
-# Small formats, whose operands can all be tried.
+# Small formats, for which all operands can be tried.
 TINY = FloatFormat(2, 1)
 SMALL = FloatFormat(3, 2)
 EIGHT_BITS = FloatFormat(4, 3)
 
 DEPTHS = "every depth"
-"""In place of values for ``latency``: all that the operator can have."""
+"""In place of values for ``latency``: all latencies that the operator can have."""
 
 
 def _policies(*formats):
@@ -62,7 +62,7 @@ class Variants:
     formats : sequence of tuples
         Positional parameters of the class; one empty tuple for none.
     choices : dict
-        Keyword parameter to its values, or for ``latency`` to ``DEPTHS``.
+        Maps each keyword parameter to its values; ``latency`` may map to ``DEPTHS``.
     """
 
     formats: Sequence[tuple]
@@ -109,9 +109,9 @@ class Measured(Variants):
     Attributes
     ----------
     title : str
-        What the report's table is called.
+        Title of the table in the report.
     placed : callable
-        Class and parameters to whether the variant is placed and routed too, which takes minutes.
+        Function of class and parameters; true if the variant is also placed and routed, which takes minutes.
     """
 
     title: str = ""
@@ -119,11 +119,11 @@ class Measured(Variants):
 
 
 class Claim(Enum):
-    """What is proved of every result of a small variant."""
+    """The property that is proved for every result of a small variant."""
 
     ROUNDED = "every result is the exact one, rounded"
     RELATION = "every relation is that of the exact values"
-    EXTREME = "the result is the operand that it should be"
+    EXTREME = "the result is the minimum or maximum of the operands"
 
 
 @dataclass(frozen=True)
@@ -133,13 +133,13 @@ class FullRun:
     Attributes
     ----------
     name : str
-        What ``make exhaustive ONLY=`` calls it.
+        Name for ``make exhaustive ONLY=``.
     make : callable
         Makes the operator.
     expectation : str
-        The function of exhaustive.cpp whose results it must give.
+        The function of exhaustive.cpp that computes the expected results.
     meaning : str
-        For docs/proof.md.
+        Description for docs/proof.md.
     """
 
     name: str
@@ -150,7 +150,7 @@ class FullRun:
 
 @dataclass(frozen=True)
 class OperatorEntry:
-    """An operator, and what is made of it.
+    """An operator, with its page, measurements, proofs and exhaustive runs.
 
     Attributes
     ----------
@@ -161,19 +161,19 @@ class OperatorEntry:
     parameters : dict
         Parameters of the variant that its page describes.
     choices : dict
-        Parameters on which the latency depends, and the values that the table of its page shows.
+        Parameters on which the latency depends, and their values in the table of its page.
     measured : tuple of Measured
-        What the report measures.
+        Variants that the report measures.
     control : tuple of Variants
-        Variants whose control is proved. Control does not look at data, so formats are the smallest.
+        Variants whose control is proved. Control does not depend on data, so the formats are the smallest.
     claim : Claim or None
-        What is proved of the results of ``proved``.
+        The property that is proved for the results of ``proved``.
     proved : Variants or None
-        Small variants; each stands for all its rounding directions, with flags, where the class has these.
+        Small variants. Each means all rounding directions, and flags, if the class has these.
     tried : tuple of Variants
-        Variants with formats of 8 bits, all operands of which the tests try on the circuit; as ``proved``.
+        Variants with formats of 8 bits; the tests try all their operands on the circuit. Expanded like ``proved``.
     full_runs : tuple of FullRun
-        Variants all of whose 32-bit operands can be tried.
+        Variants with one 32-bit operand, whose values can all be tried.
     """
 
     component: Any
@@ -193,7 +193,7 @@ class OperatorEntry:
         return self.component.__name__
 
     def make(self, **parameters):
-        """The operator that its page describes, or the same with other parameters."""
+        """The operator that the page describes, or the same operator with other parameters."""
         return self.component(**{**self.parameters, **parameters})
 
     def page_choices(self):
@@ -302,7 +302,7 @@ OPERATORS = (
         parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_DEEP,
         measured=(_fixed("to fixed", 16, 14), _fixed("to fixed", 32, 0)), control=(_SMALL_FIXED,),
         claim=Claim.ROUNDED, proved=Variants(_policies(EIGHT_BITS), {"width": (6,), "fraction_bits": (3,)}),
-        # Few integers, so that operands saturate.
+        # A small range of integers, so that operands saturate.
         tried=(Variants(_policies(EIGHT_BITS), {"width": (7,), "fraction_bits": (4,)}),
                Variants(_policies(EIGHT_BITS), {"width": (3,), "fraction_bits": (0,)})),
         full_runs=(FullRun("to_int32", partial(FpToFixed, BINARY32, width=32, fraction_bits=0), "to_int32",
@@ -323,7 +323,7 @@ OPERATORS = (
                            _DEEP, "to another format"),),
         control=(Variants([(EIGHT_BITS, SMALL)], _DEEP),),
         claim=Claim.ROUNDED, proved=Variants(_policies(EIGHT_BITS, SMALL)),
-        # Fewer exponents and fewer places: results of every kind.
+        # Fewer exponents and fewer fraction bits, so that all kinds of results occur.
         tried=(Variants(_policies(EIGHT_BITS, SMALL)),)),
     OperatorEntry(
         CordicAtan2, partial(special.arctangent_tables, CordicAtan2),

@@ -33,17 +33,17 @@ FLAG_NAMES = {Flags.INVALID: "NV", Flags.DIVIDE_BY_ZERO: "DZ", Flags.OVERFLOW: "
 
 
 def legend(tables):
-    """What the names mean that stand in the cells of tables."""
+    """Meanings of the names in the cells of tables."""
     words = set(re.findall(r"[^\s|*−]+", tables))
     parts = [f"`{name}` is {meaning}" for name, meaning in NAMES.items() if name in words]
     if any(f"`{name}" in tables for name in FLAG_NAMES.values()):
-        parts.append("after a result stand the [flags](README.md#flags) that it raises")
+        parts.append("the [flags](README.md#flags) that a result raises follow it")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}." if parts else ""
 
 
 def number_text(value, fmt=BINARY32):
-    """A number of a format: with enough digits to distinguish it from every other, or by name."""
+    """A number of a format: by name, or with enough digits to distinguish it from every other number."""
     bits = int(fmt.to_bits(value))
     sign, magnitude = "−" if bits >> (fmt.width - 1) else "", bits & ((1 << (fmt.width - 1)) - 1)
     if magnitude > fmt.infinity:
@@ -71,9 +71,9 @@ def _numbers(encodings):
 
 
 def _evaluate(operator, operands, text=number_text, outcome=np.asarray, **constants):
-    """The cells of a table for arrays of operands that broadcast: results, and flags where there are any.
+    """The cells of a table for arrays of operands that broadcast: results, and flags if any are raised.
 
-    ``outcome`` makes one array of what the twin gives.
+    ``outcome`` turns the results of the twin into one array.
     """
     results = outcome(operator.compute(*operands, **constants))
     raised = operator.compute_flags(*operands, **constants) if hasattr(operator, "compute_flags") else 0
@@ -90,7 +90,7 @@ def _matrix(corner, numbers, cells):
 
 
 def binary_tables(component, title=None, names=("a", "b"), **options):
-    """Rows and columns for an operator of two operands, and what is different where subnormals flush."""
+    """A table for an operator of two operands, and the cells that differ if subnormals are flushed."""
     numbers = _numbers(BINARY)
     operands = numbers[:, None], numbers[None, :]
     cells, flushed = (_evaluate(component(fmt), operands, **options) for fmt in (BINARY32, FLUSHED))
@@ -98,11 +98,11 @@ def binary_tables(component, title=None, names=("a", "b"), **options):
                  for i, j in np.argwhere(cells != flushed)]
     return "\n\n".join([
         *([f"{title}:"] if title else []), _matrix(f"{names[0]} ↓ {names[1]} →", numbers, cells),
-        "Where subnormals are flushed, these differ:", markdown_table([*names, "gradual", "flushed"], different)])
+        "These results differ if subnormals are flushed:", markdown_table([*names, "gradual", "flushed"], different)])
 
 
 def unary_table(component, **constants):
-    """A row for each operand of an operator of one, with subnormals and without."""
+    """A row for each operand of an operator with one operand; subnormals kept and flushed."""
     numbers = _numbers(UNARY)
     columns = [_evaluate(component(fmt), (numbers,), **constants) for fmt in (BINARY32, FLUSHED)]
     return markdown_table(["a", "result, gradual", "result, flushed"],
@@ -110,7 +110,7 @@ def unary_table(component, **constants):
 
 
 def relation_table(component, relations):
-    """Which relations hold for operands less, equal, greater and unordered."""
+    """Values of the relations for operands that are less, equal, greater and unordered."""
     pairs = _numbers([[ONE, MAX], [ONE, ONE], [0, MINUS], [MAX, ONE], [BINARY32.nan, ONE], [SIGNALLING, ONE]])
     head = ["relation", *(f"{number_text(a)}, {number_text(b)}" for a, b in pairs)]
     rows = [[f"`{relation}`", *_evaluate(component(BINARY32, relation), (pairs[:, 0], pairs[:, 1]),
@@ -127,7 +127,7 @@ def compare_tables(component):
 
 
 def choice_table(component):
-    """What passes a multiplexer: everything."""
+    """Encodings before and after a multiplexer, which passes all of them unchanged."""
     numbers = _numbers(UNARY)
     bits = BINARY32.to_bits(component.compute(numbers, np.float32(1), True))
     return markdown_table(["a", "encoding of a", "encoding of the result, condition = 1"],
@@ -136,7 +136,7 @@ def choice_table(component):
 
 
 def to_fixed_table(width, fraction_bits):
-    """Ties, the ends of the range and beyond."""
+    """Results for ties, for the ends of the range, and for numbers out of range."""
     operator = FpToFixed(BINARY32, width=width, fraction_bits=fraction_bits)
     unit, end = 2.0 ** -fraction_bits, 2.0 ** (width - 1 - fraction_bits)
     numbers = np.concatenate([
@@ -183,7 +183,7 @@ def arctangent_tables(component):
 
 
 def sincos_table(component):
-    """From the smallest angle to beyond the range."""
+    """Results from the smallest angle to angles out of range."""
     limit = np.float32(component(BINARY32).limit)
     numbers = np.concatenate([_numbers(UNARY[:4]), np.array([np.pi / 6, np.pi / 2, np.pi, 2 * np.pi], "f4"),
                               [np.nextafter(limit, np.float32(0)), limit], _numbers(UNARY[5:-1])])

@@ -18,27 +18,27 @@ def digest(*texts: str) -> str:
 
 
 class Cache:
-    """A folder of results, files or folders, each made once, whatever number of processes want it.
+    """A folder of results (files or folders). Each is made once, even if several processes need it.
 
-    Results are what external tools write to a path, so a library that stores Python values has no place here.
+    External tools write the results to a path, so a library that stores Python values does not fit.
 
     Parameters
     ----------
     directory : path-like
-        The folder; it is made when the first result is.
+        The folder; it is made together with the first result.
     """
 
     def __init__(self, directory: str | os.PathLike) -> None:
         self._directory = Path(directory)
 
     def named(self, name: str, make: Callable[[Path], object]) -> Path:
-        """Path of the result called ``name``, made first by ``make(path)`` if it is not there.
+        """Path of the result called ``name``; ``make(path)`` makes it if it does not exist.
 
-        The name must tell all that the result depends on. A result that was cut off is made again.
+        The name must identify everything that the result depends on. An incomplete result is made again.
         """
         path = self._directory / name
         self._directory.mkdir(parents=True, exist_ok=True)
-        # Of several processes that want the same result one makes it; the others wait.
+        # If several processes need the same result, one makes it and the others wait.
         with path.with_name(f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not path.exists():
@@ -47,14 +47,14 @@ class Cache:
         return path
 
     def file(self, inputs: dict, suffix: str, make: Callable[[Path], object]) -> Path:
-        """Path of the result of ``inputs``, made first by ``make(path)`` if it is not there.
+        """Path of the result of ``inputs``; ``make(path)`` makes it if it does not exist.
 
         Parameters
         ----------
         inputs : dict
-            All that the result depends on, as JSON values: sources, options, versions.
+            Everything that the result depends on, as JSON values: sources, options, versions.
         suffix : str
-            End of the file name, with its dot.
+            Suffix of the file name, with its dot.
         make : callable
             Called with the path to write to.
         """

@@ -1,4 +1,4 @@
-"""Attitude errors: quaternions and frames compared, figures in degrees.
+"""Attitude errors: comparison of quaternions and frames, in degrees.
 
 Quaternions are Hamilton, scalar first, and transform a vector from the sensor frame to the earth frame:
 v_earth = q v_sensor q*. q and -q are the same orientation. See ``docs/notation.md``.
@@ -34,7 +34,7 @@ class AttitudeErrors(NamedTuple):
 
 
 class Match(NamedTuple):
-    """An estimate and a recording's reference, side by side at M times.
+    """An estimate and a recording's reference at the same M times.
 
     Fields
     ------
@@ -187,8 +187,8 @@ def match_reference(recording, q_s2nwu):
     -------
     Match
         Valid reference samples only. If the heading of either side has an unknown constant (a
-        reference that says so, a recording without magnetometer), the reference is rotated about the
-        vertical to fit the estimate, and heading errors are relative to that.
+        reference with unknown heading, a recording without magnetometer), the reference is rotated about
+        the vertical to fit the estimate, and heading errors are relative to the rotated reference.
     """
     reference = recording.reference
     index = np.interp(reference.time_s, recording.time_s, np.arange(len(recording.time_s)))

@@ -21,13 +21,13 @@ def flight_filter(config):
 
 
 REFERENCES: dict[str, Callable] = {"INS_top": complementary_filter, "INS_flight": flight_filter}
-"""Module through which recordings go to the function that makes its reference for a configuration.
+"""Maps each module that replays recordings to the function that makes its reference for a configuration.
 
 The reference has ``run(accel, mag, gyro_deg_s)``; the configuration has ``frame``, the navigation frame.
 """
 
 
 def module_outputs(module, inputs, config):
-    """Outputs of a module without state in float64, for an AttitudeConfig: as ``reference_outputs``."""
+    """Outputs of a module without state in float64, for an AttitudeConfig; see ``reference_outputs``."""
     return reference_outputs(module, inputs, kp=config.kp, ki=config.ki, period_s=config.period_s,
                              mag_axes=config.magnetometer_axes)

@@ -1,1 +1,1 @@
-"""Proofs and exhaustive checks of the operators, and faults that their tests must notice: docs/proof.md."""
+"""Proofs and exhaustive checks of the operators, and faults that their tests must detect: docs/proof.md."""

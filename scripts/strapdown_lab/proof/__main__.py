@@ -16,20 +16,20 @@ from .mutants import MUTANTS
 from .solver import SolverMissingError
 
 JOBS = click.option("--jobs", type=click.IntRange(1), default=os.cpu_count(), show_default=True,
-                    help="How many at a time.")
+                    help="Number of parallel jobs.")
 console = Console(width=160)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def main():
-    """Proofs of the operators, exhaustive runs, and faults that tests must notice: docs/proof.md."""
+    """Proofs of the operators, exhaustive runs, and faults that tests must detect: docs/proof.md."""
 
 
 @main.command("formal")
 @click.option("--only", default="", metavar="REGEX", help="Only properties whose operator or claim matches.")
 @JOBS
 def formal_command(only, jobs):
-    """Prove the properties of all operators; the table goes to build/formal/outcomes.json too."""
+    """Prove the properties of all operators. The table is also written to build/formal/outcomes.json."""
     props = formal.chosen(only)
     if not props:
         raise click.BadParameter(f"no property matches {only!r}", param_hint="--only")
@@ -59,7 +59,7 @@ def formal_command(only, jobs):
               help="Part of all operands, evenly spread, as in 1/256.")
 @JOBS
 def exhaustive_command(only, part, jobs):
-    """Run all 2**32 operands through Verilated operators. An interrupted run continues where it was."""
+    """Run all 2**32 operands through Verilated operators. An interrupted run continues where it stopped."""
     try:
         part = exhaustive.fraction(part)
     except (ValueError, ZeroDivisionError):
@@ -84,10 +84,10 @@ def exhaustive_command(only, part, jobs):
 @main.command("mutants")
 @click.option("--only", default="", metavar="REGEX", help="Only faults whose file matches.")
 @click.option("--baseline/--no-baseline", default=True, show_default=True,
-              help="Whether to run the tests without a fault first; not needed where `make test` has passed.")
+              help="Run the tests without a fault first; not needed after `make test` has passed.")
 @JOBS
 def mutants_command(only, baseline, jobs):
-    """Put single faults into copies of the package: the operators' tests must notice each."""
+    """Put single faults into copies of the package; the operators' tests must detect each of them."""
     for mutant, count in mutation.misplaced(ROOT / "hw" / "strapdown"):
         raise click.ClickException(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
     mutants = [mutant for mutant in MUTANTS if re.search(only, mutant.file)]

@@ -1,8 +1,7 @@
-"""What results have to be, in exact integers: no shifting out, no sticky bits, no normalising.
+"""The specification of results in exact integers, without bits shifted out, sticky bits or normalisation.
 
-A finite number of a format is ``value`` units of 2**-places. A result is right if no neighbour of
-it would have been: the exact result, which is never computed if it is a quotient or a root, is compared
-with the middles beside the result that the circuit gave.
+A finite number of a format is ``value`` units of 2**-places. A result of the circuit is correct if the exact
+result lies between the midpoints to its two neighbours. Quotients and roots are compared without computing them.
 """
 
 import operator
@@ -22,14 +21,14 @@ def places(fmt):
 
 
 def weigh(fmt, magnitude):
-    """An encoding without sign in units; that of infinity as the number after the greatest."""
+    """An encoding without sign, in units; infinity counts as the number after the greatest."""
     exponent, fraction = magnitude[fmt.fraction_width:], magnitude[:fmt.fraction_width]
     normal = exponent.any()
     return Cat(fraction, normal) << Mux(normal, exponent - 1, 0)[:fmt.exponent_width]
 
 
 def number(fmt, encoded):
-    """An operand: classes, sign, and value in units, of infinity too; subnormals as the policy says."""
+    """An operand: classes, sign, and value in units, also for infinity; subnormals follow the policy."""
     encoded = Value.cast(encoded)
     magnitude = encoded[:-1]
     tiny = magnitude < fmt.least_normal
@@ -40,7 +39,7 @@ def number(fmt, encoded):
 
 
 def signed_value(x):
-    """An operand's value with its sign, infinity beyond all numbers."""
+    """An operand's value with its sign; infinity is beyond all numbers."""
     return Mux(x.sign, -x.value, x.value)
 
 
@@ -74,7 +73,7 @@ def _quotient(op, down):
     fmt = op.format
     a, b = number(fmt, op.a), number(fmt, op.b)
     by_zero = (b.value == 0) & (a.value != 0) & ~a.is_infinite
-    # A number over infinity is zero: four times it is not above 0, nor below.
+    # A number divided by infinity is zero: four times it is neither above nor below 0.
     return SimpleNamespace(
         is_nan=a.is_nan | b.is_nan | (a.is_infinite & b.is_infinite) | ((a.value == 0) & (b.value == 0)),
         is_infinite=a.is_infinite | by_zero, by_zero=by_zero, sign=a.sign ^ b.sign,
@@ -112,22 +111,22 @@ def _from_fixed(op, down):
 
 EXACT = {"FpAdd": _sum, "FpMultiply": _product, "FpDivide": _quotient, "FpSquareRoot": _square_root,
          "FpReciprocalSquareRoot": _reciprocal_square_root, "FpToFp": _resized, "FixedToFp": _from_fixed}
-"""Class of an operator to its exact result."""
+"""Maps the class of an operator to its exact result."""
 
 
 class _Result(Elaboratable):
-    """Base: any one operation, started in the first state and looked at ``latency`` edges later."""
+    """Base: an arbitrary operation, started in the first state and examined ``latency`` edges later."""
 
     def __init__(self, op):
         self.op = op
 
     def claim(self, m, op):
-        """Assert what the outputs are, in the cycle of ``done``."""
+        """Assert the values of the outputs in the cycle of ``done``."""
         raise NotImplementedError
 
     def elaborate(self, platform):
         m = Module()
-        # A reset would end the operation: there is none.
+        # No reset, because it would end the operation.
         m.d.comb += Assume(~ResetSignal())
         m.submodules.op = op = self.op
         for name, member in op.signature.members.items():
@@ -143,7 +142,7 @@ class _Result(Elaboratable):
 
 
 def _misplaced(exact, rounding, magnitude, value):
-    """Whether a magnitude is too small, and whether a magnitude above 0 is too large, for the exact result rounded.
+    """Compares a magnitude with the rounded exact result: (too small, too large); the second is for magnitudes above 0.
 
     ``value`` gives the units of a magnitude.
     """
@@ -157,7 +156,7 @@ def _misplaced(exact, rounding, magnitude, value):
     low, high = (less + same) << 1, (same + more) << 1
     match rounding:
         case "nearest_even":
-            # A tie belongs to the even one.
+            # A tie is rounded to the even neighbour.
             odd = magnitude[0]
             return Mux(odd, up_to(high), below(high)), Mux(odd, ~below(low), ~up_to(low))
         case "nearest_away":
@@ -172,12 +171,12 @@ def _misplaced(exact, rounding, magnitude, value):
 
 
 def _goes_outward(exact, rounding):
-    """Whether what lies beyond the greatest finite number is rounded away from it."""
+    """True if a result beyond the greatest finite number is rounded away from it."""
     return {"toward_zero": C(0), "upward": ~exact.sign, "downward": exact.sign}.get(rounding, C(1))
 
 
 class FloatResult(_Result):
-    """The result of an operator of ``EXACT`` is the exact one, rounded once; and its flags, if it has any."""
+    """The result of an operator of ``EXACT`` is the exact one, rounded once; also its flags, if it has any."""
 
     def claim(self, m, op):
         fmt = getattr(op, "to_format", None) or op.format
@@ -214,9 +213,9 @@ class FloatResult(_Result):
         infinity = exact.per(C(1 << fmt.precision + fmt.exponent_special))
         flushed = finite & tiny & (exact.scaled != 0) if not fmt.gradual else C(0)
         overflow = (magnitude == fmt.infinity) | (infinity <= exact.scaled)
-        # Infinity is never what was meant, not even of the number that it stands for here.
+        # Infinity is never exact, not even for the number by which it is represented here.
         inexact = overflow | (exact.per(weigh(fmt, magnitude) << 2) != exact.scaled)
-        # With any exponent allowed, numbers just below the least normal one are half as far apart.
+        # With unbounded exponents, the distance of numbers just below the least normal one is half as large.
         half, quarter = (exact.per(C((1 << fmt.fraction_width + 2) - part)) for part in (2, 1))
         stays_tiny = exact.scaled < quarter if rounding in ("nearest_even", "nearest_away") else \
             Mux(_goes_outward(exact, rounding), exact.scaled <= half, tiny)
@@ -230,7 +229,7 @@ class FloatResult(_Result):
 
 
 class FixedResult(_Result):
-    """``FpToFixed``: the operand rounded to an integer, or the nearest end of the range; and its flags, if any."""
+    """``FpToFixed``: the operand rounded to an integer, or the nearest end of the range; also its flags, if any."""
 
     def claim(self, m, op):
         a = number(op.format, op.a)
@@ -273,7 +272,7 @@ class Relation(_Result):
 
 
 class Extreme(_Result):
-    """``FpMinMax``: one of the operands, not beyond the other; NaN if there is one; -0 is less than +0."""
+    """``FpMinMax``: the minimum or maximum of the operands; NaN if an operand is NaN; -0 is less than +0."""
 
     def claim(self, m, op):
         fmt, result = op.format, Value.cast(op.result)
@@ -281,7 +280,7 @@ class Extreme(_Result):
         with m.If(a.is_nan | b.is_nan):
             m.d.comb += Assert(result == fmt.nan)
         with m.Else():
-            # Twice the value, and one more for a positive sign, distinguishes the zeros.
+            # Twice the value, plus one for a positive sign, distinguishes the zeros.
             x, y, z = (2 * signed_value(number) + ~number.sign for number in (a, b, r))
             m.d.comb += [Assert((z == x) | (z == y)), Assert(Mux(op.maximum, (z >= x) & (z >= y), (z <= x) & (z <= y)))]
             if not fmt.gradual:
@@ -289,5 +288,5 @@ class Extreme(_Result):
 
 
 def rounding_of(op):
-    """The name of an operator's rounding direction; exact or without a choice, it is to nearest even."""
+    """The name of an operator's rounding direction; to nearest even if it is exact or has no choice."""
     return op.rounding.value if hasattr(op, "rounding") else "nearest_even"

@@ -1,4 +1,4 @@
-"""All properties that are proved, of every operator."""
+"""All properties of all operators that are proved."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -29,7 +29,7 @@ CIRCUITS = {Claim.ROUNDED: FloatResult, Claim.RELATION: Relation, Claim.EXTREME:
 
 
 def describe(make, *parameters, **options):
-    """An operator as a caller would write it, short."""
+    """An operator in the short form of a constructor call."""
     def word(value):
         if isinstance(value, FloatFormat):
             return f"({value.exponent_width}, {value.fraction_width}) {value.subnormals.value}"
@@ -48,7 +48,7 @@ def control(make, parameters, options):
                        partial(PipelineAlignment, op), one.latency, ("one", "other"))
         yield Property(subject, "no done before the first result", partial(PipelineFromReset, op), one.latency)
         return
-    yield Property(subject, "one done for each accepted start, none else", partial(IterativeHandshake, op),
+    yield Property(subject, "one done for each accepted start, and no other", partial(IterativeHandshake, op),
                    2 * one.interval + one.latency + 2)
     yield Property(subject, "results hold from one done to the next", partial(IterativeHold, op), 1, ("op",))
     for gap in range(3):
@@ -70,7 +70,7 @@ def vendor_control(name):
 
 
 def result(claim, make, parameters, options):
-    """The property that all results of a small operator are right."""
+    """The property that all results of a small operator are correct."""
     small = make(*parameters, **options)
     circuit = FixedResult if make is FpToFixed else CIRCUITS[claim]
     return Property(describe(make, *parameters, **options), claim.value, partial(circuit, small), small.latency)

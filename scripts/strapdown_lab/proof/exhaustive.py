@@ -1,4 +1,4 @@
-"""All 2**32 operands of the 32-bit operators of one operand, through their Verilated circuits."""
+"""Runs all 2**32 operands of operators with one 32-bit operand through their Verilated circuits."""
 
 import datetime
 import json
@@ -29,13 +29,13 @@ SHARD = 1 << 22
 SHARDS = (1 << 32) // SHARD
 
 RUNS = {run.name: run for entry in OPERATORS for run in entry.full_runs}
-"""The operators that can be run, by the name that chooses them."""
+"""The operators that can be run, by the names that select them."""
 
 
 class Lanes(wiring.Component):
-    """Copies of an operator side by side, started together: a simulator then spends its time on them, not on itself.
+    """Parallel copies of an operator, started together. They make the overhead of the simulator small.
 
-    Members ``operand_<n>``, ``result_<n>``; ``start``; ``done``, a bit a copy.
+    Members ``operand_<n>``, ``result_<n>``; ``start``; ``done``, one bit per copy.
     """
 
     COUNT = 4
@@ -72,10 +72,10 @@ class Lanes(wiring.Component):
 
 
 class ExhaustiveModel(VerilatedModel):
-    """Verilated copies of an operator that make their operands and their expectations themselves."""
+    """Verilated copies of an operator, with C++ code that generates operands and expected results."""
 
     DRIVER = files(__package__) / "exhaustive.cpp"
-    # It runs long, and on no other machine.
+    # The model runs for a long time, and only on this machine.
     FLAGS = "-O2", "-march=native"
 
     def check(self, subject, op, first, count):
@@ -95,7 +95,7 @@ class ExhaustiveModel(VerilatedModel):
 class Run:
     """The exhaustive check of one operator, with its progress.
 
-    Progress is kept in ``build/exhaustive/<name>.json`` after every shard. An interrupted run continues
+    Progress is stored in ``build/exhaustive/<name>.json`` after every shard. An interrupted run continues
     from there, unless the circuit or the expectations have changed.
     """
 
@@ -119,24 +119,24 @@ class Run:
 
     @property
     def complete(self):
-        """Whether every operand has been tried."""
+        """True if every operand has been tried."""
         return len(self.state["shards"]) == SHARDS
 
     def remaining(self, fraction):
-        """Shards still to do for a part of all operands, evenly spread."""
+        """Shards that remain for a part of all operands, evenly spread."""
         wanted = math.ceil(SHARDS * fraction)
         done = set(self.state["shards"])
         return [shard for shard in (index * SHARDS // wanted for index in range(wanted)) if shard not in done]
 
     def check(self, first, count):
-        """Results of operands from ``first`` on: (number of mismatches, the first of them as text).
+        """Checks operands from ``first`` on: (number of mismatches, the first mismatch as text).
 
         ``count`` is a multiple of ``Lanes.COUNT``.
         """
         return self._model.check(self.subject, self.operator, first, count)
 
     def do(self, shard):
-        """Check one shard and keep the result."""
+        """Check one shard and store the result."""
         mismatches, rows = self.check(shard * SHARD, SHARD)
         with self._lock:
             self.state["shards"].append(shard)
@@ -148,7 +148,7 @@ class Run:
 
 
 def fraction(text):
-    """A part of all operands, as in 1/256; ValueError unless above 0 and at most 1."""
+    """A part of all operands, for example 1/256. Raises: ValueError unless it is above 0 and at most 1."""
     value = Fraction(text)
     if not 0 < value <= 1:
         raise ValueError(text)
@@ -156,7 +156,7 @@ def fraction(text):
 
 
 def check(names, part, jobs, root):
-    """Run the chosen operators to the end; returns the runs. Complete ones are entered in docs/exhaustive.json."""
+    """Run the chosen operators to the end; returns the runs. Complete runs are entered in docs/exhaustive.json."""
     runs = []
     with progress_bars() as progress:
         for name in names:
@@ -164,7 +164,7 @@ def check(names, part, jobs, root):
             shards = run.remaining(part)
             task = progress.add_task(f"{name}, shards", total=len(shards))
             with ThreadPoolExecutor(jobs) as pool:
-                # Futures that have not started are cancelled, so that an interruption takes effect soon.
+                # Futures that have not started are cancelled, so that an interruption takes effect quickly.
                 futures = [pool.submit(run.do, shard) for shard in shards]
                 try:
                     for future in as_completed(futures):
@@ -187,7 +187,7 @@ def _record(run, root):
                             check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
     entry = {"operator": run.subject.meaning, "latency": run.operator.latency, "circuit": run.circuit,
              "operands": len(run.state["shards"]) * SHARD, "mismatches": run.state["mismatches"]}
-    # A run that was complete already keeps its date.
+    # A run that was already complete keeps its date.
     if {key: record.get(run.name, {}).get(key) for key in entry} != entry:
         record[run.name] = {**entry, "date": datetime.datetime.now(datetime.UTC).date().isoformat(), "commit": commit}
         path.write_text(json.dumps(dict(sorted(record.items())), indent=2) + "\n")

@@ -1,4 +1,4 @@
-"""Control of the operators: no result is lost, invented, late, early, or that of another operation."""
+"""Control of the operators: no result is lost, extra, late, early, or that of another operation."""
 
 from amaranth import *
 from amaranth.asserts import AnySeq, Initial
@@ -16,12 +16,12 @@ def ports(op, flow, *, without):
 
 
 def anything(value):
-    """An input that may be anything, in every cycle anew."""
+    """An input with an arbitrary value in every cycle."""
     return AnySeq(len(value))
 
 
 def _module_around(op):
-    """A module with the operator as ``op``, its inputs anything."""
+    """A module with the operator as ``op`` and arbitrary inputs."""
     m = Module()
     m.submodules.op = op
     m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
@@ -29,7 +29,7 @@ def _module_around(op):
 
 
 def equal_results(one, other):
-    """Whether all results of two copies are equal."""
+    """True if all results of two copies are equal."""
     return Cat(*one.values()) == Cat(*other.values())
 
 
@@ -44,11 +44,11 @@ class _Clockwork(Elaboratable):
 
 
 class PipelineAlignment(_Clockwork):
-    """Two copies in any two states are given one operation and, before and after it, different ones.
+    """Two copies in any two states get the same operation and, before and after it, different ones.
 
-    ``latency`` edges later ``done`` of both shows whether ``start`` was high then, and no reset since,
-    and if so their results agree. The first state may be any, so this holds at every time, and
-    the result depends on nothing but its own operands.
+    ``latency`` edges later ``done`` of both is high if ``start`` was high and no reset came since. In
+    this case their results agree. The first state is arbitrary, so this holds at every time, and
+    the result depends on its own operands alone.
     """
 
     def __init__(self, make):
@@ -66,7 +66,7 @@ class PipelineAlignment(_Clockwork):
         results = (ports(op, None, without=("done",)) for op in (one, other))
         with m.If(age[one.latency]):
             m.d.comb += [Assert(one.done == started[-1]), Cover(one.done)]
-            # A reset, which both see, ends an operation in flight.
+            # A reset of both copies ends an operation in flight.
             with m.If(started[-1]):
                 m.d.comb += [Assert(other.done), Assert(equal_results(*results))]
         return m
@@ -87,7 +87,7 @@ class PipelineFromReset(Elaboratable):
 
 
 class IterativeHandshake(Elaboratable):
-    """An operator beside a count of the cycles since the last operation, any starts, resets and operands.
+    """An operator and a counter of the cycles since the last operation; any starts, resets and operands.
 
     ``done`` rises ``latency`` edges after each start that the count accepts, for one cycle, and at no
     other time.
@@ -127,10 +127,10 @@ class IterativeHold(_Clockwork):
 
 
 class IterativeAlignment(Elaboratable):
-    """Two copies with different first operations and then the same, ``gap`` cycles after the earliest moment.
+    """Two copies with different first operations, and then the same operation, ``gap`` cycles after the earliest time.
 
-    One of them also sees starts while it is busy, with any operands. The second results agree. Gaps of 0, 1
-    and 2 take the second operation from the rounding of the first, beside its ``done``, and at rest.
+    One copy also gets starts while it is busy, with any operands. The second results agree. With gaps of 0, 1
+    and 2 the second operation starts during the rounding of the first, together with its ``done``, and when idle.
     """
 
     def __init__(self, make, *, gap):
@@ -162,7 +162,7 @@ class _Vendor(_Clockwork):
     CONTROL = ("clk", "ce", "sclr")
 
     def attach(self, m, name, vendor):
-        # The operator makes a domain of its own from its ports; the count beside it has no reset.
+        # The operator makes a separate clock domain from its ports; the counter beside it has no reset.
         m.d.comb += Assume(~ResetSignal())
         m.submodules[name] = DomainRenamer(f"{name}_sync")(vendor)
         m.d.comb += vendor.clk.eq(ClockSignal())
@@ -177,10 +177,10 @@ class _Vendor(_Clockwork):
 
 
 class VendorHold(_Vendor):
-    """With ``ce`` low, and ``sclr`` too, an edge changes no register, for every state and all operands.
+    """With ``ce`` and ``sclr`` low, an edge changes no register, for every state and all operands.
 
-    The solver's ``holds_without`` says so of every register. Here: outputs are functions of registers
-    alone, and ``result`` holds even while ``sclr`` is high.
+    ``holds_without`` states this for every register. The assertions here: outputs are functions of
+    registers alone, and ``result`` holds even while ``sclr`` is high.
     """
 
     UNCHANGED = "(and (not [-1:ce]) (not [-1:sclr]))"
@@ -218,10 +218,10 @@ def _split(whole, parts):
 
 
 class VendorOrder(_Vendor):
-    """``rdy`` is ``operation_nd`` of ``latency`` edges ago, unless ``sclr`` has come since.
+    """``rdy`` is ``operation_nd`` of ``latency`` edges ago, unless ``sclr`` has been high since.
 
-    ``ce`` is low only together with ``sclr``: cycles that hold change nothing (``VendorHold``). With
-    ``settled`` the first state may be any and the last one is looked at; else, from power-on, all.
+    ``ce`` is low only together with ``sclr``, because cycles that hold change nothing (``VendorHold``). With
+    ``settled`` the first state is arbitrary and the last state is examined; else all states from power-on.
     """
 
     def __init__(self, make, *, settled):

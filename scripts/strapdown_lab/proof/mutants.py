@@ -1,4 +1,4 @@
-"""Single faults that the operators' tests must notice: where, what stands there, what would break."""
+"""Single faults that the operators' tests must detect: the place, the fragment, and the effect."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,13 @@ class Mutant:
     file : str
         Source file, below hw/strapdown.
     fragment, replacement : str
-        Text that occurs there exactly once, and what replaces it.
+        Text that occurs exactly once in the file, and its replacement.
     breaks : str
-        What then goes wrong.
+        The effect of the fault.
     tests : str
         The test file that must fail, below tests/; empty for the one of the same name.
     select : str
-        An expression for ``pytest -k`` that picks quick tests which are enough; empty for all.
+        An expression for ``pytest -k`` that selects a few quick tests that are sufficient; empty for all.
     """
 
     file: str

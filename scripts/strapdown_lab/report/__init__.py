@@ -1,1 +1,1 @@
-"""What operators and cores cost, beside the best public ones: measured, tabulated, drawn."""
+"""Resources and speed of operators and cores, and of the best public ones: measurements, tables and plots."""

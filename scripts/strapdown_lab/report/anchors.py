@@ -1,7 +1,7 @@
-"""Figures of public cores and operators, to compare ours with.
+"""Figures of public cores and operators, for comparison with ours.
 
-Those of operators were measured with the flow of ``strapdown_lab.synthesis.xc7``, the vendor's counted in its netlists.
-Those of attitude cores are their authors'.
+Figures of operators were measured with the flow of ``strapdown_lab.synthesis.xc7``; those of the vendor's operators
+were counted in its netlists. Figures of attitude cores are those of their authors.
 """
 
 from dataclasses import dataclass
@@ -11,22 +11,22 @@ __all__ = ["CORE_ANCHORS", "OPERATOR_ANCHORS", "CoreAnchor", "OperatorAnchor", "
 
 @dataclass(frozen=True)
 class OperatorAnchor:
-    """A public operator on binary32 numbers, or of CORDIC on 16-bit ones.
+    """A public operator on binary32 numbers, or a public CORDIC operator on 16-bit numbers.
 
     Attributes
     ----------
     operator : str
-        What it computes, by the titles of ``strapdown_lab.operators``.
+        Its operation, by the titles of ``strapdown_lab.operators``.
     design : str
-        Whose it is.
+        Name of the project.
     lut, ff, dsp : int
         7-series resources, shift registers among the LUTs.
     latency : int or None
-        Cycles, the least where it depends on the data; None where it is not known.
+        Cycles; the least number if it depends on the data; None if it is not known.
     pipelined : bool
-        Whether it takes an operation in every cycle.
+        True if it takes an operation in every cycle.
     gradual : bool
-        Whether it keeps subnormal numbers.
+        True if it keeps subnormal numbers.
     """
 
     operator: str
@@ -46,13 +46,13 @@ class CoreAnchor:
     Attributes
     ----------
     design, algorithm : str
-        Whose it is, and what it computes.
+        Name of the project, and its algorithm.
     lut, ff, dsp : int or None
         Its resources; all None for software.
     microseconds : float
         Time of an update at its own clock.
     basis : str
-        "routed", "estimate" (of a high-level synthesis, before routing), "quoted" (not said of what), or "software".
+        "routed", "estimate" (of a high-level synthesis, before routing), "quoted" (basis unknown), or "software".
     """
 
     design: str
@@ -115,7 +115,7 @@ CORE_ANCHORS = (
 
 
 def best_known(operator, *, latency, interval, gradual):
-    """The public operator of the fewest LUTs that could stand in for one of ours, or None.
+    """The public operator with the fewest LUTs that could replace one of ours, or None.
 
     It computes the same, is at least as fast in latency, takes an operation in every cycle if ours does, and
     keeps subnormals if ours does.

@@ -1,4 +1,4 @@
-"""Which cores are reported, and that a simulated core takes the cycles that it says it takes."""
+"""The cores of the report, and a simulation that counts their cycles."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class CoreEntry:
     placed: bool = True
 
 
-# In binary64 a core takes a quarter of an hour to route; it has no frequency to reach.
+# In binary64 a core takes a quarter of an hour to route, and has no target frequency.
 UNPLACED = {"sins", "sins_damped"}
 
 CORES = tuple(CoreEntry(main_module(config), config, partial(make_core, main_module(config), config),

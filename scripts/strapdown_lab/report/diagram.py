@@ -8,16 +8,16 @@ _GAP = None
 
 
 class Timing(NamedTuple):
-    """What a diagram shows, a value for each cycle; operations are single letters, "" where there is none.
+    """Contents of a diagram, one value per cycle. Operations are single letters; "" means none.
 
     Attributes
     ----------
     operands : list of str
-        Operation that is offered; ``start`` is high then.
+        Operation whose operands are offered, with ``start`` high.
     results : list of str
-        Operation whose results are there.
+        Operation whose results are valid.
     done, busy : list of bool
-        Levels; ``busy`` is empty for a pipeline, which never is.
+        Levels; ``busy`` is empty for a pipeline.
     """
 
     operands: list[str]
@@ -27,14 +27,14 @@ class Timing(NamedTuple):
 
 
 def pipelined_timing(latency):
-    """Operations A and B in a row, and C after a cycle without one."""
+    """Operations A and B in consecutive cycles, and C after a cycle without a start."""
     operands = ["A", "B", "", "C", *[""] * (latency + 1)]
     results = [*[""] * latency, *operands[:5]]
     return Timing(operands, results, [bool(operation) for operation in results], [])
 
 
 def iterative_timing(latency, interval):
-    """A, then X too early and lost, then B as early as may be."""
+    """A, then X, which is too early and ignored, then B as early as possible."""
     cycles = interval + latency + 2
     operands, results = [""] * cycles, [""] * cycles
     operands[0], operands[2], operands[interval] = "A", "X", "B"
@@ -45,7 +45,7 @@ def iterative_timing(latency, interval):
 
 
 def diagram(timing, operands, results):
-    """The lines of a diagram; ``operands`` and ``results`` are what their rows are called."""
+    """The lines of a diagram; ``operands`` and ``results`` are the names of their rows."""
     start = [bool(operation) for operation in timing.operands]
     rows = [timing.operands, timing.results, timing.done, timing.busy or start]
     columns = _columns(rows, len(start))
@@ -60,7 +60,7 @@ def diagram(timing, operands, results):
 
 
 def _columns(rows, cycles):
-    """The cycles worth drawing, those near a change in any row, with a gap where two or more are left out."""
+    """The cycles to draw: those near a change in any row, with a gap where two or more are omitted."""
     changes = {0, *(cycle for row in rows for cycle in range(1, cycles) if row[cycle] != row[cycle - 1])}
     drawn = {cycle + near for cycle in changes for near in (-1, 0)} | {cycles - 1}
     columns: list[int | None] = []
@@ -85,7 +85,7 @@ def _levels(levels, columns):
 
 
 def _labels(labels, columns):
-    """Each run of one label in brackets; what is not valid is left blank."""
+    """Each run of one label in brackets; invalid values are blank."""
     runs: list[list] = []
     for cycle in columns:
         label = runs[-1][0] if cycle is _GAP else labels[cycle]

@@ -1,4 +1,4 @@
-"""Operators and cores through the synthesis flows, two tools at a time; the answers as JSON values."""
+"""Runs operators and cores through the synthesis flows, two tools at a time; results are JSON values."""
 
 import re
 from collections.abc import Callable, Iterable
@@ -28,7 +28,7 @@ __all__ = ["Design", "core_circuit", "core_design", "measure", "operator_design"
 
 @dataclass(frozen=True)
 class Design:
-    """Something to measure: what is known of it, its Verilog, its top module, and whether it is worth placing."""
+    """A design to measure: its facts, its Verilog, its top module, and a flag for place and route."""
 
     facts: dict
     verilog: str = field(repr=False)
@@ -51,7 +51,7 @@ def operator_design(entry: MeasuredOperator) -> Design:
 
 
 def core_circuit(core, config):
-    """Verilog of a core without comments: two circuits that differ in their comments cost the same."""
+    """Verilog of a core without comments, because comments do not change the resources."""
     return re.sub(r"^//.*\n", "", verilog_text(core, config), flags=re.MULTILINE)
 
 
@@ -74,7 +74,7 @@ def core_design(entry: CoreEntry, build: Path) -> Design:
 
 
 def provenance(*, place):
-    """Tools, their versions and options: what the figures depend on besides the circuits."""
+    """Tools, their versions and options: the figures depend on them and on the circuits."""
     return {
         "xc7": {"command": f"synth_xilinx {XC7_OPTIONS}"},
         **({"ecp5": {"command": f"synth_ecp5; nextpnr-ecp5 {ECP5_OPTIONS}", "seeds": list(ECP5_SEEDS)}}
@@ -85,20 +85,20 @@ def provenance(*, place):
 
 def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True,
             progress: Callable[[], object] | None = None) -> list[dict[str, Any]]:
-    """Facts of designs and what they cost, in the same order, as a list of dicts of JSON values.
+    """Facts and resources of designs, in the same order, as a list of dicts of JSON values.
 
     Parameters
     ----------
     designs : iterable of Design
-        May be made while others are being synthesised.
+        May be made while other designs are being synthesised.
     cache : Cache
-        Where the tools' answers are kept.
+        Stores the results of the tools.
     place : bool
-        Whether to place and route as well those that are ``placed``.
+        True to place and route the designs that are ``placed``.
     progress : callable or None
-        Called without arguments when a tool has answered, once or twice for each design.
+        Called without arguments when a tool has finished, once or twice for each design.
     """
-    # The tools run in processes of their own; these threads only wait for them.
+    # The tools run in separate processes; these threads only wait for them.
     with ThreadPoolExecutor(max_workers=2) as pool:
         try:
             running = []

@@ -15,7 +15,7 @@ class MeasuredOperator:
     Attributes
     ----------
     operator : str
-        What it computes: the title of its table.
+        Its operation: the title of its table.
     component : type
         Its class.
     formats : tuple
@@ -23,7 +23,7 @@ class MeasuredOperator:
     parameters : dict
         Keyword parameters of the class.
     placed : bool
-        Whether it is placed and routed too, which takes minutes.
+        True if it is also placed and routed, which takes minutes.
     """
 
     operator: str
@@ -41,4 +41,4 @@ MEASURED = tuple(
     MeasuredOperator(variants.title, entry.component, formats, parameters,
                      variants.placed(entry.component, formats, parameters))
     for entry in OPERATORS for variants in entry.measured for formats, parameters in variants.of(entry.component))
-"""All that are measured, in the order of the tables."""
+"""All measured operators, in the order of the tables."""

@@ -28,7 +28,7 @@ _LABELS = "Latency|Accuracy|Special values|Special values and flags|Flags|Raises
 
 
 def _docstring(component):
-    """Summary, parameters and members as pairs of head and text, and the labelled paragraphs as a dict."""
+    """Summary, parameters and members as tuples of head, type and text, and the labelled paragraphs as a dict."""
     summary, _, rest = (inspect.getdoc(component) or "").partition("\n\n")
     parts = re.split(rf"^({_LABELS}): ", rest, flags=re.MULTILINE)
     sections = dict(re.findall(r"^(Parameters|Members)\n-+\n(.*?)(?=\n\n|\Z)", parts[0], re.DOTALL | re.MULTILINE))
@@ -128,12 +128,12 @@ def _timing(page):
 def _timing_diagram(operator, operands, results):
     if operator.interval == 1:
         timing = pipelined_timing(operator.latency)
-        text = (f"Pipelined, `latency` = {operator.latency}: A and B in a row, C after a cycle without a start. "
-                "Where a row is blank, its value means nothing.")
+        text = (f"Pipelined, `latency` = {operator.latency}: A and B in consecutive cycles, C after a cycle without a "
+                "start. A blank value has no meaning.")
     else:
         timing = iterative_timing(operator.latency, operator.interval)
         text = (f"Iterative, `latency` = {operator.latency}, `interval` = {operator.interval}: X comes while A is in "
-                f"flight and is ignored; B, {operator.interval} cycles after A, is the earliest that is taken. "
+                f"flight and is ignored; B, {operator.interval} cycles after A, is the earliest accepted operation. "
                 "`(busy)` is not a port.")
     return f"{text}\n\n```\n{diagram(timing, operands, results)}\n```"
 
@@ -188,7 +188,7 @@ def _twin(component):
 
 
 def page_text(page, report=None):
-    """The Markdown of a page; ``report`` is what operators.json says, if it has been measured."""
+    """The Markdown of a page; ``report`` is the contents of operators.json, if available."""
     component = page.component
     summary, parameters, members, paragraphs = _docstring(component)
     module = component.__module__.rpartition(".")[0]
@@ -214,7 +214,7 @@ def page_text(page, report=None):
     section("Software twin", _twin(component))
     operators = {variants.title for variants in page.measured}
     if report and operators:
-        section("Resources", operator_tables(report, operators), "How these are measured: [report](../report.md).")
+        section("Resources", operator_tables(report, operators), "[report.md](../report.md) describes the measurement.")
     if "Source" in paragraphs:
         section("Source", _markdown(paragraphs["Source"], page.name))
     return "\n\n".join([*parts, "[All operators](README.md)"]) + "\n"

@@ -31,7 +31,7 @@ def _write(path, report):
 
 
 def write_page(directory, *, cores=None, operators=None):
-    """Write the page with the tables of the reports that are there; returns its path."""
+    """Write the page with the tables of the existing reports; returns its path."""
     parts = ["# Report"]
     if cores:
         parts += ["## Cores", core_table(cores), "Public cores, for comparison:", anchor_table(), flow_lines(cores)]

@@ -1,4 +1,4 @@
-"""Measured figures as Markdown tables, ours beside the best public ones."""
+"""Measured figures as Markdown tables, with the best public operators and cores for comparison."""
 
 from itertools import groupby
 
@@ -10,7 +10,7 @@ __all__ = ["anchor_table", "core_table", "flow_lines", "operator_tables"]
 
 
 def operator_tables(report, operators=None):
-    """A table for each operator of ``operators.json``, under a heading; all operators, or those named."""
+    """A table for each operator of ``operators.json``, with a heading; all operators, or the named ones."""
     parts = []
     for name, group in groupby(report["operators"], key=lambda row: row["operator"]):
         if operators is None or name in operators:
@@ -27,7 +27,7 @@ def _operator_table(rows):
 
 
 def _parameters(row):
-    """Formats, subnormals and parameters, but for the latency, which has a column."""
+    """Formats, subnormals and parameters, without the latency, which has a column."""
     words = [" to ".join(row["formats"])] if row["formats"] else []
     if row["subnormals"]:
         words.append(row["subnormals"])
@@ -65,7 +65,7 @@ def core_table(report):
 
 
 def _cycles(row):
-    """Cycles from one update to the next, and the latency where several updates are in flight at once."""
+    """Cycles from one update to the next, and the latency if several updates are in flight."""
     return row["cycles"] if row["cycles"] == row["latency"] else f"{row['cycles']}, latency {row['latency']}"
 
 
@@ -85,7 +85,7 @@ def anchor_table():
 
 
 def flow_lines(report):
-    """How the figures of a report were made, a list item for each flow and one for the versions."""
+    """Description of the measurement, with a list item for each flow and one for the versions."""
     lines = [f"- LUT, FF, DSP, BRAM: `{report['xc7']['command']}` (Xilinx 7 series)"]
     if "ecp5" in report:
         lines.append(f"- MHz: `{report['ecp5']['command']}`, median of seeds "

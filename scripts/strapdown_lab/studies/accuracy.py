@@ -1,4 +1,4 @@
-"""Attitude filters side by side on real recordings: this project's and published ones."""
+"""Comparison of attitude filters on real recordings: those of this project and published ones."""
 
 import json
 import os
@@ -42,14 +42,14 @@ def first_attitude(recording):
 
 
 def complementary(recording, *, config):
-    """The thesis's filter with the gains of a configuration, sensors along the body's axes, started aligned."""
+    """The thesis's filter with the gains of a configuration, sensors along body axes, from an aligned start."""
     model = ComplementaryFilter(kp=config.kp, ki=config.ki, period_s=1 / recording.sample_rate_hz)
     model.reset(first_attitude(recording))
     return quaternion_from_matrix(model.run(recording.accel, recording.mag, recording.gyro_deg_s).c_n2b)
 
 
 def flight(recording):
-    """The flight filter, with 6 axes where there is no magnetometer."""
+    """The flight filter, with 6 axes if the recording has no magnetometer."""
     config = FLIGHT_6AXIS if recording.mag is None else FLIGHT
     model = flight_filter(config.replace(sample_rate_hz=recording.sample_rate_hz))
     return model.run(recording.accel, recording.mag, recording.gyro_deg_s).q_b2n
@@ -112,7 +112,7 @@ FILTERS: dict[str, Callable] = {
     "ahrs Madgwick": partial(ahrs_package, name="Madgwick", north_is_x=True),
     "ahrs Mahony": partial(ahrs_package, name="Mahony", north_is_x=False),
 }
-"""Name to function: a Recording to its attitude after each sample, sensor to NWU, shape (N, 4)."""
+"""Maps each name to a function of a Recording that returns the attitude after each sample, sensor to NWU, (N, 4)."""
 
 PACKAGES = ("ahrs", "imufusion", "vqf")
 FIGURES = AttitudeErrors._fields
@@ -142,7 +142,7 @@ def measure(folder: str | os.PathLike, *,
     dict
         Versions of the packages; names of the recordings without reference; and by recording its
         ``axes`` (6 or 9) and by filter the RMS ``total``, ``heading`` and ``inclination`` error in
-        degrees. With 6 axes heading counts up to a constant.
+        degrees. With 6 axes, a constant heading offset is not counted.
 
     Raises: RecordingError; ModuleNotFoundError without the packages.
     """
@@ -164,14 +164,14 @@ def measure(folder: str | os.PathLike, *,
 
 
 def means(result, axes):
-    """Mean of each figure over the recordings with so many axes, by filter."""
+    """Mean of each figure over the recordings with ``axes`` axes, by filter."""
     rows = [row["filters"] for row in result["recordings"].values() if row["axes"] == axes]
     return {name: {figure: float(np.mean([row[name][figure] for row in rows])) for figure in FIGURES}
             for name in FILTERS} if rows else {}
 
 
 def figure_table(result, figure):
-    """One of the figures as a Markdown table: a row a recording, a column a filter, means below."""
+    """One figure as a Markdown table: one row per recording, one column per filter, means below."""
     rows = []
     for axes in (9, 6):
         rows += [_row(f"`{stem}`", [row["filters"][name][figure] for name in FILTERS])
@@ -193,11 +193,11 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
     (directory / "accuracy.json").write_text(json.dumps(result, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     page = [
         "# Attitude error on real recordings", "",
-        "RMS in degrees against the recordings' references, after the definition of the BROAD data set.",
+        "RMS in degrees against the recordings' references, as defined by the BROAD data set.",
         f"thesis: Kp {THESIS.kp:g}, Ki {THESIS.ki:g}; plain: Kp {MAHONY.kp:g}, Ki {MAHONY.ki:g}. These two and those",
         "of ahrs start with the attitude of the first sample. Published filters have their default settings: "
         + ", ".join(f"{package} {number}" for package, number in result["packages"].items()) + ".",
-        "With 6 axes heading counts up to a constant."]
+        "With 6 axes, a constant heading offset is not counted."]
     if missing := result["without_reference"]:
         names = ", ".join(f"`{stem}`" for stem in missing)
         page += ["", f"Not scored, because they have no reference orientation: {names}."]
@@ -210,7 +210,7 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
 
 
 def _picture(result, path):
-    """Total and inclination error: a group a recording, a bar a filter, logarithmic."""
+    """Total and inclination error: one group per recording, one bar per filter, logarithmic."""
     stems = list(result["recordings"])
     figure = Figure(figsize=(9.0, 6.4), dpi=150, layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)

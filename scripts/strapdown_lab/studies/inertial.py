@@ -1,8 +1,8 @@
-"""Recordings that have a position, through the strapdown navigator without any aid.
+"""Strapdown navigation without any aid on recordings that have a position.
 
-The twin of ``SINS_top``, the float64 reference navigator and the recorded track side by side, from
-starts that the recording knows. Known errors of the sensors are removed first. The navigators
-must agree with each other, and drift as such sensors do.
+The study compares the twin of ``SINS_top``, the float64 reference navigator and the recorded track, with
+start values from the recording. Known errors of the sensors are removed first. The navigators must
+agree with each other, and their drift must be typical of such sensors.
 """
 
 from typing import NamedTuple
@@ -24,15 +24,16 @@ HAIFA_DEG = 32.8
 FRD_TO_RFU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 FLU_TO_RFU = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 STANDING_S = 2.0
-"""From the start of the car's leg to a speed of 0.5 m/s: long enough for it to stand at first."""
+"""Minimum time from the start of the car's leg to a speed of 0.5 m/s, so that the leg begins at rest."""
 
 
 class Leg(NamedTuple):
-    """Samples from known starts on, L legs of one recording side by side, and where it really was.
+    """Samples of L legs of one recording, each from a known start, and the true track.
 
     omega_b (N, L, 3), rad/s, and f_b, m/s²: in right, forward, up, means over ``period_s``.
-    latitude (rad), height_m, q_b2n (L, 4) and velocity_m_s (L, 3) (east, north, up) are the start's.
-    sample (M,): after how many samples the track has a point, (L, M, 3) in position_m from the start.
+    latitude (rad), height_m, q_b2n (L, 4) and velocity_m_s (L, 3) (east, north, up) are start values.
+    sample (M,): numbers of samples after which the track has a point; position_m (L, M, 3): these points, from the
+    start.
     """
 
     period_s: float
@@ -54,10 +55,10 @@ class Run(NamedTuple):
 
 
 def quadrotor_legs(path, duration_s, every_s=5.0):
-    """Legs of an ``ins_quad_*`` recording, one from every so many seconds, without the fitted gyro bias.
+    """Legs of an ``ins_quad_*`` recording at regular intervals, with the fitted gyro bias removed.
 
-    Attitude is the drone's own, position and velocity those of RTK; at the start they are taken
-    at one time of the IMU's clock.
+    The attitude comes from the drone, position and velocity from RTK. All start values are taken at the same
+    time of the IMU's clock.
     """
     recording = read_recording(path)
     with np.load(path) as arrays:
@@ -85,8 +86,8 @@ def quadrotor_legs(path, duration_s, every_s=5.0):
 def car_leg(path, duration_s):
     """The leg of an ``ins_drive_*`` recording from its first rest on.
 
-    Gyro bias and the accelerometer's scale come from the rest, and so do pitch and roll; heading
-    is the first course, less the turn until then.
+    Gyro bias, the accelerometer's scale, pitch and roll come from the rest. Heading is the first course
+    minus the turn until then.
     """
     recording = read_recording(path)
     with np.load(path) as arrays:
@@ -104,7 +105,7 @@ def car_leg(path, duration_s):
     known = np.flatnonzero(np.isfinite(course))[0]
     turned = gyro[(time_s >= clock[start]) & (time_s < clock[known]), 2].sum() / rate
     up = force[rest].mean(axis=0) / np.linalg.norm(force[rest].mean(axis=0))
-    # Course is clockwise from north, a turn about up anticlockwise.
+    # Course is clockwise from north; a turn about up is anticlockwise.
     heading = course[known] + turned
     forward = np.array([0.0, 1, 0]) - up[1] * up
     forward /= np.linalg.norm(forward)
@@ -131,7 +132,7 @@ def run_reference(leg):
 def run_twin(leg):
     """The twin of ``SINS_top`` at the recording's rate.
 
-    The first update loads the start, with the first sample; the navigation after it is left out.
+    The first update loads the start with the first sample; its navigation is omitted.
     """
     config = SINS.replace(sample_rate_hz=1 / leg.period_s, earth="wgs84")
     system = sins_top(config)

@@ -1,7 +1,7 @@
 """Measure QUAT_direct over a million updates, and write the table into docs/quaternion.md.
 
-The compiled twin computes one update after another; the twin then computes each update again, all at once, and the
-script fails if a bit differs. It takes some minutes. With another number of updates as its argument it only prints
+The compiled twin computes one update after another. The twin then computes all updates again in one call, and the
+script fails if a bit differs. It takes some minutes. With a number of updates as its argument it only prints
 the table.
 """
 
@@ -40,7 +40,7 @@ def run(config, rates):
 
 
 def motions(count, rate_hz):
-    """Body rates, rad/s: constant, and turning about all axes, up to 2,000 deg/s."""
+    """Body rates, rad/s: constant, and about all axes, up to 2,000 deg/s."""
     t = np.arange(count) / rate_hz
     steady = np.tile(np.radians(2000) * np.array([0.48, -0.6, 0.64]), (count, 1))
     wild = np.stack([np.sin(2 * np.pi * 1.3 * t), np.sin(2 * np.pi * 0.7 * t + 1), np.cos(2 * np.pi * 0.31 * t)], -1)
@@ -54,7 +54,7 @@ def rows(count):
         pool = Pool(format=format.with_subnormals(Subnormals.FLUSH))
         for name, motion in motions(count, rate).items():
             rates = pool.format.array(motion)
-            # In float64 the truth itself would be off by as much as the quaternion in binary64.
+            # In float64 the error of the truth itself would be as large as that of the quaternion in binary64.
             wide = rates.astype(np.longdouble if format is BINARY64 else float)
             truth = exact.cumulative(start, exact.increment(wide, 1 / wide.dtype.type(rate)))
             first = exact.cumulative(start, exact.first_order_increment(rates, 1 / rate))

@@ -1,6 +1,6 @@
 """Run the recordings that have a position through SINS_top's twin and the float64 reference, without any aid.
 
-Writes the table into docs/sins.md; some minutes. The argument is the folder of the recordings.
+It writes the table into docs/sins.md, and takes some minutes. The argument is the folder of the recordings.
 """
 
 import sys
@@ -19,7 +19,7 @@ HEAD = ["recording", "legs:", "duration:", *(f"{second} s:" for second in SECOND
 
 
 def legs(folder):
-    """Each recording with its legs: the car's, many short ones of the quadrotor, and one of most of its flight."""
+    """Each recording with its legs: one of the car, many short ones of the quadrotor, and one of most of its flight."""
     yield CAR, car_leg(folder / f"{CAR}.npz", 60)
     for name, flight_s in QUADROTORS.items():
         for duration_s in (5, flight_s):

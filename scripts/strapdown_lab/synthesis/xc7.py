@@ -1,4 +1,4 @@
-"""Cells of a Xilinx 7-series part, by Yosys: synthesis without placement, so no clock frequency."""
+"""Cells of a Xilinx 7-series part, by Yosys: synthesis without placement, so without a clock frequency."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ __all__ = ["XC7_OPTIONS", "Xc7Resources", "synthesise_xc7"]
 XC7_OPTIONS = "-family xc7 -flatten -abc9"
 """Options of ``synth_xilinx``."""
 
-# LUTs that a memory cell takes: Xilinx UG474, tables 2-3 and 2-4. Dual-port RAM has a LUT for each port.
+# LUTs of a memory cell: Xilinx UG474, tables 2-3 and 2-4. Dual-port RAM has a LUT for each port.
 _MEMORY_LUTS = {
     "SRL16E": 1, "SRLC32E": 1,
     "RAM32X1S": 1, "RAM64X1S": 1, "RAM128X1S": 2, "RAM256X1S": 4,
@@ -24,21 +24,21 @@ _MEMORY_LUTS = {
 _LOGIC_LUTS = dict.fromkeys(("INV", *(f"LUT{inputs}" for inputs in range(1, 7))), 1)
 _REGISTERS = {kind + edge: 1 for kind in ("FDRE", "FDSE", "FDCE", "FDPE") for edge in ("", "_1")}
 _BLOCK_RAMS = {"RAMB36E1": 1, "RAMB18E1": 0.5}
-# Carry chains and wide multiplexers come with the LUTs beside them; buffers and notes on hierarchy are not logic.
+# Carry chains and wide multiplexers belong to the LUTs beside them; buffers and hierarchy markers are not logic.
 _UNCOUNTED = {"CARRY4", "MUXF7", "MUXF8", "BUFG", "IBUF", "OBUF", "$scopeinfo"}
 
 
 @dataclass(frozen=True)
 class Xc7Resources:
-    """What a module takes of a 7-series part.
+    """Resources of a module on a 7-series part.
 
     Attributes
     ----------
     lut : int
-        LUTs, 6 inputs each: logic, inverters, shift registers and distributed RAM. Yosys packs no
-        two small functions into one LUT, which Vivado does.
+        LUTs, 6 inputs each: logic, inverters, shift registers and distributed RAM. Vivado packs two
+        small functions into one LUT; Yosys does not.
     memory_lut : int
-        Those among them that are shift registers or RAM.
+        The LUTs among them that are shift registers or RAM.
     ff : int
         Flip-flops.
     dsp : int
@@ -55,7 +55,7 @@ class Xc7Resources:
 
     @classmethod
     def of_cells(cls, cells):
-        """Resources of a dict of cell type to count. Raises: ValueError for a cell that it cannot count."""
+        """Resources of a dict from cell types to counts. Raises: ValueError for a cell that it cannot count."""
         known = {*_LOGIC_LUTS, *_MEMORY_LUTS, *_REGISTERS, *_BLOCK_RAMS, *_UNCOUNTED, "DSP48E1"}
         if unknown := sorted(set(cells) - known):
             raise ValueError(f"cells of no known size: {', '.join(unknown)}")
@@ -77,7 +77,7 @@ def synthesise_xc7(verilog: str, top: str, cache: Cache) -> Xc7Resources:
     top : str
         Name of the module.
     cache : Cache
-        Where results are kept.
+        Stores the results.
 
     Returns: Xc7Resources. Raises: ToolMissingError; RuntimeError if Yosys fails.
     """

@@ -1,4 +1,4 @@
-"""Bench for every core: published values, bits of the twin, exact latency, handshake, bad input."""
+"""Bench for every core: published values, all bits against the twin, exact latency, handshake, bad input."""
 
 import math
 
@@ -13,7 +13,7 @@ from strapdown_sim.truth import module_outputs
 core, config = core_under_test()
 fmt = core.engine.program.format
 UPDATES = min(200, 51_200_000 // (core.latency * fmt.width**2))
-"""Random updates: 200 of a thesis core, fewer of a slower one. A cycle takes time as the square of the width."""
+"""Random updates: 200 for a thesis core, fewer for a slower one. The time of a cycle grows with the width squared."""
 
 SWITCHES = {port: chance for port, chance in (("in_load", 0.1), ("in_load_en", 0.1), ("in_align", 0.4))
             if port in core.system.input_ports}
@@ -52,7 +52,7 @@ async def published_values(dut):
 
 @cocotb.test(timeout_time=10, timeout_unit="ms")
 async def every_bit_of_the_twin(dut):
-    """Random updates, one after the other: outputs and status are the twin's, and each takes the latency."""
+    """Random updates, one after the other: outputs and status equal the twin's, and each update takes the latency."""
     driver, inputs = CoreDriver(dut, core), samples(UPDATES)
     await driver.reset()
     rng = np.random.default_rng(cocotb.RANDOM_SEED)
@@ -71,7 +71,7 @@ async def every_bit_of_the_twin(dut):
 
 @cocotb.test(timeout_time=10, timeout_unit="ms", skip=not core.system.status_port)
 async def not_a_number_is_refused(dut):
-    """NaN or infinity on any input: outputs and state stay, the finish rises in time, and a status bit is set."""
+    """NaN or infinity on any input: outputs and state do not change, the finish rises in time, a status bit is set."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     first, second = samples(2)
@@ -104,7 +104,7 @@ async def not_a_number_is_refused(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def finish_falls_at_once_and_outputs_hold(dut):
-    """The finish is low after reset and right after a start; outputs change only when it rises."""
+    """The finish is low after reset and immediately after a start; outputs change only when it rises."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     assert not driver.finish.value
@@ -125,7 +125,7 @@ async def finish_falls_at_once_and_outputs_hold(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def start_while_busy_is_ignored(dut):
-    """A start in the middle changes neither result nor time; one that stays high starts again after the finish."""
+    """A start during an update changes neither result nor time; a start that stays high is taken after the finish."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     first, second = samples(2)
@@ -168,12 +168,12 @@ async def ignored_start_sets_its_bit(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def reset_in_the_middle(dut):
-    """A short reset at any time ends the update and resets the state; the next update is a first one."""
+    """A short reset at any time ends the update and resets the state; the next update equals the first one."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     assert driver.outputs() == core.engine.reset_outputs
     first, second = samples(2)
-    # A load would hide a state that the reset has missed.
+    # A load would hide an error in the reset of the state.
     await driver.update(second | OFF)
     expected = driver.bits()
     for cycles in (0, core.latency // 2, core.latency - 1):

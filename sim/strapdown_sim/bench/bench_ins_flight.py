@@ -30,7 +30,7 @@ def difference(angles, expected):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def aligns_at_once(dut):
-    """At rest in a known attitude: the attitude after the samples that are taken over at once."""
+    """At rest in a known attitude: the attitude after the samples with full weight."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     q = np.array([0.8, 0.4, -0.2, 0.4])
@@ -46,7 +46,7 @@ async def aligns_at_once(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def status_by_cause(dut):
-    """Sensors fail one after the other: each sets its bit, and the attitude is that of the float64 reference."""
+    """Sensors fail one after the other: each sets its bit, and the attitude agrees with the float64 reference."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     truth, nothing = flight_filter(config), (0.0, -0.0, 0.0)

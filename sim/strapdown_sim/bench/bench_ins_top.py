@@ -1,4 +1,4 @@
-"""Bench for INS_top: table 5-7, and samples that are wrong in every way."""
+"""Bench for INS_top: table 5-7, and bad samples of all kinds."""
 
 import math
 
@@ -21,14 +21,14 @@ def sample(**vectors):
 
 
 def near(driver, truth):
-    """Whether all nine elements of the matrix are the reference's, within 1e-6."""
+    """True if all nine elements of the matrix agree with the reference within 1e-6."""
     # About ten roundings of 2**-24 per update, and a few updates.
     return np.abs(driver.vectors()["c"] - truth.c_n2b).max() < 1e-6
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def table_5_7(dut):
-    """Five updates from reset, within 5e-5 degrees of the float64 reference and of the printed digits."""
+    """Five updates from reset agree with the float64 reference and the printed digits within 5e-5 degrees."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     truth = complementary_filter(config)
@@ -94,16 +94,16 @@ async def overflow_is_refused(dut):
 
 @cocotb.test(timeout_time=100, timeout_unit="ms")
 async def gimbal_lock(dut):
-    """Rotation about west through the vertical: the angles stay finite, and pitch reaches 90 but not more."""
+    """Rotation about west through the vertical: the angles stay finite, and pitch reaches 90 degrees and not more."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     highest = 0.0
-    rate = 1.5 / config.period_s  # 1.5 degrees an update
+    rate = 1.5 / config.period_s  # 1.5 degrees per update
     for _ in range(90):
         await driver.update(sample(a=(0, 0, 0), m=(0, 0, 0), g=(0, rate, 0)))
         assert all(math.isfinite(value) for value in driver.outputs().values())
         pitch, _, yaw = driver.vectors()["angles"]
         assert 0 <= yaw < 360
         highest = max(highest, pitch)
-    # The nearest of the updates is at most half a step away.
+    # The nearest update is at most half a step away.
     assert 89.2 < highest <= 90

@@ -34,7 +34,7 @@ async def half_a_turn_about_each_axis(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def a_load_takes_the_start_quaternion(dut):
-    """A load gives the start quaternion, whatever the rate; the next update propagates it."""
+    """A load gives the start quaternion for any rate; the next update propagates it."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     # Exact in binary32.

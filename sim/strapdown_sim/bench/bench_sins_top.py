@@ -14,17 +14,17 @@ EARTH = {"source": SOURCE_EARTH, "wgs84": WGS84}[config.earth]
 LATITUDE_DEG, LONGITUDE_DEG, HEADING_DEG, HEIGHT_M = 50.0, -120.0, 30.0, 400.0
 LATITUDE, HEADING = math.radians(LATITUDE_DEG), math.radians(HEADING_DEG)
 DEGREE = 1e-10
-"""Tolerance of angles: 1e-12 of an arctangent's degrees, and the heading a thousand times that, as rounding of the
-specific force (2**-53) tilts an axis that the earth's rate alone gives."""
+"""Tolerances of angles, degrees: 1e-12 for an arctangent, and a thousand times that for the heading, because the
+rounding of the specific force (2**-53) tilts an axis that only the earth's rate determines."""
 
 
 def sample(omega=None, f=None, *, velocity=(0.0, 0.0, 0.0), load=0.0, align=0.0):
-    """Inputs of one update; by default those of a body at rest, level, with the heading above."""
+    """Inputs of one update; by default those of a level body at rest with the heading above."""
     east = -math.cos(LATITUDE) * math.sin(HEADING) * EARTH.rate_rad_s
     north = math.cos(LATITUDE) * math.cos(HEADING) * EARTH.rate_rad_s
     omega = omega or (east, north, math.sin(LATITUDE) * EARTH.rate_rad_s)
     f = f or (0.0, 0.0, EARTH.gravity(LATITUDE, HEIGHT_M))
-    # Heading is clockwise, the quaternion's turn about up anticlockwise; its length does not matter.
+    # Heading is clockwise; the quaternion's rotation about up is anticlockwise. Its length does not matter.
     q = 3 * math.cos(HEADING / 2), 0.0, 0.0, -3 * math.sin(HEADING / 2)
     altitude = {"altitude": HEIGHT_M} if config.damping_s else {}
     return core.system.bind(
@@ -44,7 +44,7 @@ def check(driver, velocity=(0.0, 0.0, 0.0)):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def waits_for_a_load(dut):
-    """After a reset it neither aligns nor navigates, and all outputs are zero, whatever the sensors measure."""
+    """After a reset the core neither aligns nor navigates, and all outputs are zero for any sensor values."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     await driver.update(sample((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), velocity=(5.0, 6.0, 7.0)))

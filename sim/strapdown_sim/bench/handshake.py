@@ -1,4 +1,4 @@
-"""The handshake of a core, driven as in a user's RTL."""
+"""The handshake of a core, driven like a user's RTL."""
 
 import numpy as np
 from cocotb.clock import Clock
@@ -10,7 +10,7 @@ PERIOD_NS = 10
 
 
 class CoreDriver:
-    """Drives the ports of a core; numbers go in and come out as floats of its format.
+    """Drives the ports of a core; numbers are floats of its format.
 
     Inputs change at the falling edge of the clock and are taken at the rising one; outputs are
     sampled just before the falling edge.
@@ -26,7 +26,7 @@ class CoreDriver:
         self.finish = getattr(dut, core.system.finish)
 
     async def reset(self):
-        """Start the clock if need be, reset asynchronously, leave everything idle."""
+        """Start the clock if necessary, reset asynchronously, leave all inputs idle."""
         if not self._running:
             Clock(self._dut.clk, PERIOD_NS, unit="ns").start()
             self._running = True
@@ -75,7 +75,7 @@ class CoreDriver:
         return {name for bit, name in enumerate(self.core.engine.status_names) if value >> bit & 1}
 
     async def begin(self, inputs):
-        """Raise the start for one rising edge; then turn all inputs to noise. Returns after that cycle."""
+        """Raise the start for one rising edge, then set all inputs to noise. Returns after that cycle."""
         self.drive(inputs)
         self.start.value = 1
         await RisingEdge(self._dut.clk)

@@ -1,1 +1,1 @@
-"""Drivers: simulators found, modules compiled, transactions run."""
+"""Drivers: they find simulators, compile modules and run transactions."""

@@ -1,4 +1,4 @@
-"""cocotb benches run on a generated core: builds, runs, raises if a test in the simulator failed."""
+"""Runs cocotb benches on a generated core: builds, runs, raises an error if a test in the simulator failed."""
 
 import json
 import os
@@ -24,7 +24,7 @@ MONTH_S = 30 * 24 * 3600
 
 @cache
 def core_under_test():
-    """In a bench: the core that is being simulated, and its configuration."""
+    """For benches: the core under simulation, and its configuration."""
     config = CONFIGS[os.environ[CONFIG]].replace(**json.loads(os.environ[CHANGES]))
     return make_core(os.environ[MODULE], config), config
 
@@ -45,8 +45,8 @@ def run_bench(benches, module, config, simulator, directory, *, changes=None, wa
     changes : dict or None
         Fields of the configuration to change, and their values.
     language : str
-        What Icarus takes the file for, "2001" or "2012"; with ``waves`` always "2012", because what
-        cocotb adds to write them is SystemVerilog.
+        Language version for Icarus, "2001" or "2012"; with ``waves`` always "2012", because cocotb adds
+        SystemVerilog to write waveforms.
 
     Returns
     -------
@@ -63,9 +63,9 @@ def run_bench(benches, module, config, simulator, directory, *, changes=None, wa
     if simulator == "icarus":
         flags = ["-g2012" if waves else f"-g{language}"]
     else:
-        # In one file: parts would share a precompiled header, which the wheel's make rules cannot include.
+        # One file, because parts would share a precompiled header, which the wheel's make rules cannot include.
         flags = ["-Wno-fatal", "--no-timing", "--output-split", "0"]
-        # Benches are short: to compile Verilator's output well would take longer than to run it.
+        # Benches are short: optimising Verilator's output would take longer than running it.
         environment = verilator_environment() | {"MAKEFLAGS": "OPT_GLOBAL=-O0 OPT_FAST=-O1 OPT_SLOW=-O0"}
     with _environment(environment):
         runner = get_runner(simulator)
@@ -84,21 +84,21 @@ def run_bench(benches, module, config, simulator, directory, *, changes=None, wa
 
 
 def _copy_objects(source, target):
-    """Keep the objects of Verilator's runtime, the same for every module, for the next build."""
+    """Keep the objects of Verilator's runtime for the next build; they are the same for every module."""
     target.mkdir(parents=True, exist_ok=True)
     for path in source.glob("verilated*.o"):
         copy = target / path.name
         if not copy.exists():
-            # Benches may run side by side.
+            # Benches may run in parallel.
             with written_whole(copy) as partial:
                 shutil.copyfile(path, partial)
-        # They depend on the makefile that Verilator writes anew: make would compile older ones again.
+        # The objects depend on the makefile that Verilator rewrites, so make would compile older objects again.
         os.utime(copy, (time.time() + MONTH_S,) * 2)
 
 
 @contextmanager
 def _environment(changes):
-    """The process environment with some variables changed for a while."""
+    """Context manager: the process environment with some variables changed."""
     before = dict(os.environ)
     os.environ.update(changes)
     try:

@@ -1,4 +1,4 @@
-"""A core in Verilator: updates on float arrays, with the state looked at from inside."""
+"""A core in Verilator: updates on float arrays, with access to the internal state."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -49,13 +49,13 @@ class CoreModel:
         inputs : dict
             Input port to numbers, shape (N,), in the port's unit; rounded to the core's format, or integers.
         progress : callable or None
-            Called with the number of updates done, now and then.
+            Called from time to time with the number of updates done.
 
         Returns
         -------
         dict
-            Output port and state word to arrays of the format's dtype, shape (N,), as they stand
-            after each update; the status port to integers; ``cycles`` to integers.
+            Maps each output port and state word to an array of the format's dtype, shape (N,), with the
+            values after each update; the status port and ``cycles`` to integers.
         """
         fmt, system = self._format, self.core.system
         with np.errstate(all="ignore"):
@@ -72,11 +72,11 @@ class CoreModel:
         return result
 
     def differing_bits(self, inputs: Mapping[str, ArrayLike], result: Mapping[str, np.ndarray]) -> int:
-        """How many bits of ``result``, as ``update`` gave it, differ from the software twin.
+        """Number of bits of ``result``, as returned by ``update``, that differ from the software twin.
 
-        Each update is computed again by the twin from the state that the circuit held before
-        it, all updates at once. If none differs, and since the first state is the reset state,
-        the circuit ran as the twin runs from reset, in every bit of outputs and state.
+        The twin computes each update again from the state that the circuit held before it, all updates
+        in one call. The first state is the reset state. So, if no bit differs, the whole run equals a
+        run of the twin from reset, in every bit of outputs and state.
         """
         fmt, system = self._format, self.core.system
         before = {word: np.concatenate(([fmt.array(reset)], result[word][:-1])) for word, reset in self._state.items()}

@@ -1,4 +1,4 @@
-"""A core for several channels in Verilator: samples with a channel in, results with a channel out."""
+"""A core for several channels in Verilator: takes samples with a channel, gives results with a channel."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +13,7 @@ from .verilated import Interface, VerilatedModel
 __all__ = ["RESET", "StreamModel"]
 
 RESET = -1
-"""In place of a number of idle cycles: the core is reset, and there is no sample."""
+"""In place of a number of idle cycles: a reset of the core, without a sample."""
 
 
 class StreamModel:
@@ -35,7 +35,7 @@ class StreamModel:
         self._format = program.format
         self._state = dict(program.schedule.graph.state)
         engine = f"{system.name}__DOT__engine__DOT__"
-        # Of the channel that finishes: its bank is turned by then, and cannot be turned again so soon.
+        # The state of the channel that finishes: its bank has just changed and cannot change again so soon.
         probes = {name: (f"{system.name}_engine", variable, f"{engine}{variable} >> dut->out_channel & 1")
                   for name, variable in (("bank", "banks"), ("fresh", "freshness"))}
         bank = f"(dut->rootp->{probes['bank'][2]})"
@@ -49,7 +49,7 @@ class StreamModel:
 
     def update(self, channels: ArrayLike, inputs: Mapping[str, ArrayLike], idle: ArrayLike = 0, *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
-        """One update a sample, in order, from reset; each is offered until it is taken.
+        """One update per sample, in order, from reset; each sample is offered until it is taken.
 
         Parameters
         ----------
@@ -60,14 +60,14 @@ class StreamModel:
         idle : int or ndarray of int
             Cycles without an offer before each sample, or ``RESET``.
         progress : callable or None
-            Called with the number of updates done, now and then.
+            Called from time to time with the number of updates done.
 
         Returns
         -------
         dict
-            A row for each finish: output port and state word, of that channel, to arrays of the format's dtype as they
-            stand then; ``out_channel``, the status port, the ``row`` of the sample, and the numbers of the
-            clock edges that had it ``taken`` and ``finished`` to integers.
+            One row per finish. Maps each output port and state word of that channel to an array of the format's dtype;
+            ``out_channel``, the status port, the ``row`` of the sample, and the numbers of the clock edges at which it
+            was ``taken`` and ``finished`` to integers.
         """
         fmt, system = self._format, self.core.system
         with np.errstate(all="ignore"):
@@ -82,11 +82,11 @@ class StreamModel:
 
     def differing_bits(self, inputs: Mapping[str, ArrayLike], result: Mapping[str, np.ndarray],
                        resets: Sequence[int] = ()) -> int:
-        """How many bits of ``result``, as ``update`` gave it, differ from the software twin.
+        """Number of bits of ``result``, as returned by ``update``, that differ from the software twin.
 
-        Each update is computed again by the twin from the state that the circuit held of that channel after
-        its update before, all updates at once; the first ones, and those after a row in ``resets``, start from
-        the reset state. If no bit differs, the circuit ran as one twin a channel.
+        The twin computes each update again from the state of its channel after the channel's previous update,
+        all updates in one call. The first updates, and those after a row in ``resets``, start from the reset
+        state. If no bit differs, the run equals that of one twin per channel.
         """
         fmt, system = self._format, self.core.system
         channel, epoch = result["out_channel"], np.searchsorted(np.asarray(resets, dtype=int), result["row"])
@@ -99,7 +99,7 @@ class StreamModel:
         twin = system.update_twin(self.core.engine.program.schedule.pool, taken, before)
         refused, count = twin.get("refused", np.zeros(len(channel), dtype=bool)), 0
         for name in (*system.output_ports, *self._state):
-            # Outputs hold what the update before, of any channel, has shown; zero after a reset.
+            # Outputs hold the values of the previous update of any channel; zero after a reset.
             held = before.get(name, np.concatenate(([fmt.array(0)], result[name][:-1])))
             if name not in before:
                 held[np.flatnonzero(np.diff(epoch, prepend=-1))] = 0

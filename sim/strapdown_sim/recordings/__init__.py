@@ -1,8 +1,8 @@
 """Recordings of inertial sensors, read and checked.
 
-Every format is a file of this package that gives a `Recording` in one set of units, whatever the file's,
-and a line in `FORMATS`. A file that cannot be trusted ends in a `RecordingError` of one line that names
-file, place and remedy. The formats are described in ``docs/recordings.md``.
+Every format has a module in this package and a line in `FORMATS`. The module reads a file into a `Recording`, which
+always has the same units. A file with an error raises a `RecordingError` of one line that names file, place and
+remedy. ``docs/recordings.md`` describes the formats.
 """
 
 import os
@@ -19,18 +19,18 @@ __all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Format", "Recording"
            "read_recording"]
 
 HEAD_BYTES = 4096
-"""So much of a file is read to recognise its format."""
+"""Bytes of a file that are read to recognise its format."""
 
 
 class Format(NamedTuple):
-    """A form of file that recordings come in.
+    """A file format of recordings.
 
     Attributes
     ----------
     recognises : callable
-        ``recognises(path, head)``: whether a file is of this format, from its path and its first bytes.
+        ``recognises(path, head)`` is true if a file with this path and these first bytes has this format.
     read : callable
-        ``read(path, **options)`` gives the Recording.
+        ``read(path, **options)`` returns the Recording.
     options : tuple of str
         Options of ``read_recording`` that the format takes.
     """
@@ -71,7 +71,7 @@ def read_recording(path: str | os.PathLike, *, sample_rate_hz: float | None = No
     sample_rate_hz : float, optional
         Sample rate of an x-IMU export, `X_IMU_RATE_HZ` by default. Other files contain their time.
     reference : path-like, optional
-        Quaternion file of an x-IMU export; by default its sibling ``..._Quaternion.csv`` if there.
+        Quaternion file of an x-IMU export; by default ``..._Quaternion.csv`` in the same folder, if it exists.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A recording: samples of one inertial measurement unit in one set of units, and the checks that all formats share."""
+"""A recording: samples of one inertial measurement unit in fixed units, and the checks common to all formats."""
 
 from dataclasses import dataclass
 
@@ -11,11 +11,11 @@ STANDARD_GRAVITY = 9.80665
 """One g in m/s^2 (ISO 80000-3)."""
 
 _MAX_STEP = 1.5
-"""Longest time step that is accepted, in typical steps: more than jitter, less than a lost sample."""
+"""Longest accepted time step, in typical steps: more than jitter, less than a lost sample."""
 
 
 class RecordingError(ValueError):
-    """A recording that cannot be used; one line that names file, place and remedy."""
+    """A recording cannot be used. The message is one line that names file, place and remedy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ def check_gravity(path, recording):
 
 
 def unit_quaternions(quaternion):
-    """Quaternions scaled to unit length, and where they are valid; (1, 0, 0, 0) elsewhere."""
+    """Quaternions scaled to unit length, (1, 0, 0, 0) if invalid; and an array that marks the valid ones."""
     length = np.linalg.norm(quaternion, axis=-1)
     valid = np.isfinite(length) & (length > 0.5)
     quaternion = np.where(valid[:, None], quaternion, (1.0, 0.0, 0.0, 0.0))

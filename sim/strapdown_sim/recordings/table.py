@@ -108,7 +108,7 @@ def require(table, names):
 
 
 def _sensor(table, sensor):
-    """Samples of one sensor in our unit, shape (N, 3), and the unit of the file."""
+    """Samples of one sensor in the Recording's unit, shape (N, 3), and the unit of the file."""
     names, accepted = _sensor_columns(sensor), _UNITS[sensor]
     require(table, names)
     canonical = {unit.casefold(): unit for unit in accepted}

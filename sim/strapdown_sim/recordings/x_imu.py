@@ -1,4 +1,4 @@
-"""Exports of the x-IMU: packet numbers in place of time, and the device's own estimate in a sibling file."""
+"""Exports of the x-IMU: packet numbers in place of time, and the device's own estimate in a second file."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from .table import PACKET, TIME, read_table, require, sensors
 __all__ = ["X_IMU_RATE_HZ", "read_x_imu"]
 
 X_IMU_RATE_HZ = 256.0
-"""Sample rate assumed for an x-IMU export, whose samples carry packet numbers but no time.
+"""Sample rate assumed for an x-IMU export, whose samples have packet numbers but no time.
 
 The device writes calibrated inertial data at 2^(n-1) Hz; the register n is in another file of the
 export. 256 Hz (n = 9) is the highest rate, and that of the published recording 00033, as its
@@ -25,7 +25,7 @@ _QUATERNION = tuple(f"Element {k}" for k in (1, 2, 3, 4))
 
 
 def read_x_imu(path, *, sample_rate_hz=None, reference=None):
-    """The Recording in an x-IMU export. Parameters and errors: as ``read_recording``."""
+    """The Recording in an x-IMU export. Parameters and errors are those of ``read_recording``."""
     table = read_table(path)
     if TIME in table.columns:
         raise RecordingError(f"{path}: columns {TIME!r} and {PACKET!r} exclude each other; delete one")

@@ -1,1 +1,1 @@
-"""Textbook models in float64, written from the source documents; they import nothing of the generator."""
+"""Textbook models in float64, written from the source documents; they import nothing from the generator."""

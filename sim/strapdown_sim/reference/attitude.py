@@ -1,8 +1,8 @@
 """Attitude filter of the thesis in float64: complementary filter on a quaternion.
 
-Written from the equations of the thesis (eqs. 2.26 to 2.47), misprints corrected, in the form a
-textbook gives them: matrix products, cross products, Hamilton product. Nothing here depends on the
-order of operations in hardware, so a mistyped equation on either side shows as a difference.
+Written from the equations of the thesis (eqs. 2.26 to 2.47), with misprints corrected, in textbook
+form: matrix products, cross products, Hamilton product. Nothing here depends on the order of
+operations in hardware, so a mistyped equation on either side shows as a difference.
 
 ``c_n2b`` is the direction cosine matrix C_n^b, navigation to body: its rows are the body axes in
 the navigation frame. The navigation frame is NWU: x magnetic north, y west, z up. See
@@ -18,7 +18,7 @@ __all__ = [
     "gyro_correction", "mag_error", "matrix_from_quaternion", "quaternion_step",
 ]
 
-# Row k is the matrix of the cross product with axis k, row by row: u @ _SKEW is that of u.
+# Row k is the matrix of the cross product with axis k, row by row: u @ _SKEW is the matrix for u.
 _SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0],
                   [0, 0, 1, 0, 0, 0, -1, 0, 0],
                   [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float)
@@ -175,7 +175,7 @@ def matrix_from_quaternion(q_b2n):
 
 
 def euler_angles(c_n2b):
-    """Angles of the sequence Z-Y-X that turns the navigation axes into the body axes.
+    """Angles of the sequence Z-Y-X that rotates the navigation axes into the body axes.
 
     Parameters
     ----------
@@ -197,13 +197,13 @@ def euler_angles(c_n2b):
     c23, c33 = c_n2b[..., 1, 2], c_n2b[..., 2, 2]
     pitch = np.degrees(np.arctan2(-c13, np.sqrt(np.maximum(1 - c13 * c13, 0))))
     roll = np.degrees(np.arctan2(c23, c33))
-    # The remainder of a tiny negative angle rounds to 360 itself; a second one takes it to zero.
+    # The remainder of a tiny negative angle rounds to 360; a second remainder makes it zero.
     yaw = np.mod(np.mod(np.degrees(np.arctan2(c12, c11)), 360), 360)
     return pitch, roll, yaw
 
 
 def alignment(a_b, m_b):
-    """Orientation in which neither sensor has an error: for bodies at rest.
+    """Orientation of a body at rest, in which neither sensor has an error.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def axis_matrix(axes):
 
 
 class ComplementaryFilter:
-    """The thesis's attitude filter: state, one update, whole recordings.
+    """The thesis's attitude filter: its state, a single update, and runs over recordings.
 
     Parameters
     ----------
@@ -283,8 +283,8 @@ class ComplementaryFilter:
 
     Notes
     -----
-    An update that meets a number that is not finite, in a sample or on the way to the result, is
-    refused: state and outputs stay.
+    An update in which a number is not finite, in the sample or in an intermediate result, is refused:
+    state and outputs do not change.
     """
 
     def __init__(self, *, kp, ki, period_s, mag_axes=("+x", "+y", "+z")):
@@ -295,7 +295,7 @@ class ComplementaryFilter:
         self.reset()
 
     def reset(self, q_b2n=(1.0, 0.0, 0.0, 0.0)):
-        """Start anew from a unit quaternion, body to navigation, without integral correction."""
+        """Start again from a unit quaternion, body to navigation, without integral correction."""
         self.q_b2n, self.integral = np.array(q_b2n, dtype=float), np.zeros(3)
         self.c_n2b = matrix_from_quaternion(self.q_b2n)
 
@@ -305,9 +305,9 @@ class ComplementaryFilter:
         Parameters
         ----------
         a : ndarray, shape (3,)
-            Specific force in body axes, any unit; zero where there is none.
+            Specific force in body axes, any unit; zero if missing.
         m : ndarray, shape (3,)
-            Magnetic field in magnetometer axes, any unit; zero where there is none.
+            Magnetic field in magnetometer axes, any unit; zero if missing.
         g_deg_s : ndarray, shape (3,)
             Angular rate in body axes, degrees per second.
 
@@ -321,7 +321,7 @@ class ComplementaryFilter:
         return Attitude(self.c_n2b, *euler_angles(self.c_n2b))
 
     def run(self, accel, mag, gyro_deg_s):
-        """Update by update through a recording, from the present state.
+        """One update per sample of a recording, from the current state.
 
         Parameters
         ----------

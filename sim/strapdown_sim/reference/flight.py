@@ -72,13 +72,13 @@ class FlightFilter:
     Parameters
     ----------
     period_s : float
-        Sample period of runs that give none, seconds.
+        Sample period for runs without one, seconds.
     frame : str
         Navigation frame: "NWU", "ENU" or "NED".
     axes : dict
         Sensor axes along body x, y and z of "a", "g" and "m"; see `axis_matrix`.
     magnetometer : bool
-        False for the 6-axis filter, which leaves heading to the gyro.
+        False for the 6-axis filter, whose heading comes from the gyro alone.
     others : float
         Gains, times and limits; see ``docs/flight.md``.
 
@@ -108,7 +108,7 @@ class FlightFilter:
         self.reset()
 
     def reset(self, q_b2n=(1.0, 0.0, 0.0, 0.0), *, aligned=False):
-        """Start again from a unit quaternion; with ``aligned`` the first samples do not replace it at once."""
+        """Start again from a unit quaternion; with ``aligned`` the first samples do not have full weight."""
         before = 0.0 if aligned else -float(ALIGNMENTS)
         self._state = {
             "q": _product(_conjugate(FRAME_QUATERNIONS[self._frame]), np.array(q_b2n, dtype=float)),
@@ -122,15 +122,15 @@ class FlightFilter:
         Parameters
         ----------
         accel : ndarray, shape (N, 3)
-            Specific force in sensor axes; zero where there is none.
+            Specific force in sensor axes; zero if missing.
         mag : ndarray, shape (N, 3), or None
-            Magnetic field in sensor axes, any unit; zero where there is none.
+            Magnetic field in sensor axes, any unit; zero if missing.
         gyro_deg_s : ndarray, shape (N, 3)
             Angular rate in sensor axes, degrees per second.
         period_s : ndarray, shape (N,), optional
             Sample periods, seconds.
         mag_valid : ndarray of bool, shape (N,), optional
-            Which samples of the field count; all by default.
+            Marks the valid samples of the field; all by default.
 
         Returns
         -------
@@ -138,7 +138,7 @@ class FlightFilter:
 
         Notes
         -----
-        An update that meets a number that is not finite is refused: it leaves everything as it was.
+        An update in which a number is not finite is refused: it changes neither outputs nor state.
         """
         accel, gyro = (np.asarray(samples, dtype=float) for samples in (accel, gyro_deg_s))
         count = len(accel)
@@ -181,7 +181,7 @@ class FlightFilter:
         s, new = self._state, {}
         step = min(max(period_s, 0.0), LONGEST_PERIOD_S)
 
-        # Strapdown: the measured turn and what the last update found, by half-angle tangents.
+        # Strapdown: the measured rotation and the correction of the previous update, by half-angle tangents.
         rate = g - s["bias"]
         beyond = _length(rate) > self._gyro_range or step != period_s
         turn = np.radians(rate) * step
@@ -248,7 +248,7 @@ class FlightFilter:
             new["field_age"] = 0.0
             rejected = s["field_clock"] > self._ramp_time and weight == 0
 
-        # What will turn the navigation frame turns the low-passed vectors in it, to first order.
+        # The rotation of the navigation frame also rotates the low-passed vectors in it, to first order.
         for name, low in ("first", first), ("second", second):
             new[name] = low + 2 * tilt_gain * _cross(tilt, low) * (1, 1, 0)
         new["pending"] = c_n2b @ correction
@@ -265,12 +265,12 @@ def _length(vector):
 
 
 def _cross(u, v):
-    # As numpy.cross, which takes ten times as long for two single vectors.
+    # Like numpy.cross, which takes ten times as long for two single vectors.
     return np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
 
 
 def _response(period_s, time_s):
-    """What a one-pole low-pass takes of a new sample."""
+    """Weight of a new sample in a one-pole low-pass."""
     return -math.expm1(-period_s / time_s)
 
 

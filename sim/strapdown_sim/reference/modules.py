@@ -1,4 +1,4 @@
-"""The textbook model of each module of the thesis that has no state, by the names of its inputs and outputs."""
+"""The textbook models of the thesis's modules without state, by the names of their inputs and outputs."""
 
 from collections.abc import Callable
 
@@ -10,22 +10,22 @@ __all__ = ["reference_outputs"]
 
 
 def reference_outputs(module, inputs, *, kp, ki, period_s, mag_axes):
-    """Outputs of a module in float64, after the thesis's equations.
+    """Outputs of a module in float64, from the thesis's equations.
 
     Parameters
     ----------
     module : str
         INS_acc, INS_mag, INS_gyro, INS_quat, INS_matx, INS_euler or INS_atan.
     inputs : dict
-        Name to numbers of shape (...) or, for vectors and matrices, (..., 3), (..., 4) and (..., 3, 3):
+        Maps each name to numbers of shape (...) or, for vectors and matrices, (..., 3), (..., 4) and (..., 3, 3):
         ``a``, ``m``, ``g``, ``v`` (third column of C), ``c`` (C_n^b; INS_euler: its elements 11, 12, 13, 23, 33),
         ``q``, ``e_a``, ``e_m``, ``i``, ``omega``, ``cosine``, ``sine``, in the units of ``docs/notation.md``.
-    kp, ki, period_s, mag_axes : as of ComplementaryFilter
+    kp, ki, period_s, mag_axes : as in ComplementaryFilter
 
     Returns
     -------
     dict
-        Name to float64 numbers: ``e_a``, ``e_m``, ``i``, ``omega``, ``q``, ``c``, ``angles`` (pitch, roll, yaw,
+        Maps names to float64 numbers: ``e_a``, ``e_m``, ``i``, ``omega``, ``q``, ``c``, ``angles`` (pitch, roll, yaw,
         degrees) and ``angle`` (rad). Raises: ValueError for another module.
     """
     given = {name: np.asarray(values, dtype=float) for name, values in inputs.items()}

@@ -1,7 +1,7 @@
-"""Exact rotations in float64, as the reference of quaternion propagation.
+"""Exact rotations in float64, the reference of quaternion propagation.
 
 Quaternions are Hamilton's, scalar first, body to navigation; rates are in body axes, rad/s.
-Written from the definition of the quaternion product and of the rotation vector, not from any
+Written from the definitions of the quaternion product and the rotation vector, not from any
 core's equations. Wider floats keep their width.
 """
 
@@ -59,7 +59,7 @@ def first_order_increment(omega, period_s):
 def cumulative(start, increments):
     """Attitudes after each of many increments: start⊗increments[0]⊗ … ⊗increments[k].
 
-    Shapes (4,) and (N, 4); result (N, 4), normalised. By doubling: log2(N) array products.
+    Shapes (4,) and (N, 4); result (N, 4), normalised. Doubling needs only log2(N) array products.
     """
     q = _wide(increments).copy()
     q[0] = product(start, q[0])
@@ -74,7 +74,7 @@ def cumulative(start, increments):
 def angle_between(p, q):
     """Angle of the rotation from p to q, quaternions (..., 4) of any length, rad, in [0, pi]."""
     p, q = (_wide(x) / np.linalg.norm(x, axis=-1, keepdims=True) for x in (p, q))
-    # The chord keeps its precision where the inner product is close to one.
+    # The chord is precise where the inner product is close to one.
     chord = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
     return 4 * np.arcsin(np.minimum(chord / 2, 1))
 

@@ -2,13 +2,13 @@
 
 Frames: body b (x right, y forward, z up); platform p, level, z up, its y axis turned from true
 north by the wander angle, anticlockwise seen from above; earth e (z the rotation axis, x through
-longitude 0). All arrays may have leading axes: many navigators run side by side.
+longitude 0). All arrays may have leading axes for independent navigators.
 
 A sample is the mean rate and mean specific force over its interval. Integration is of
 second order in the sample period: velocity in the middle of the interval is extrapolated from the
-one before, attitude takes Bortz' coning term from two successive samples, specific force is
-resolved in the mean of the attitudes at both ends. Rotations are exact (Rodrigues), curvatures
-those of the ellipsoid. Written from source 002 and textbooks (Titterton and Weston, chapters 3
+previous interval, attitude uses Bortz' coning term of two successive samples, specific force is
+resolved with the mean of the attitudes at both ends. Rotations are exact (Rodrigues), curvatures
+are those of the ellipsoid. Written from source 002 and textbooks (Titterton and Weston, chapters 3
 and 11; Savage), not from any core's equations.
 """
 
@@ -72,8 +72,8 @@ class Navigator:
 
     Attributes
     ----------
-    earth : strapdown_sim.stimuli.flight.Earth or the like
-        ``radius_m``, ``flattening``, ``rate_rad_s``, ``radii``, ``gravity``.
+    earth : strapdown_sim.stimuli.flight.Earth
+        Or another object with ``radius_m``, ``flattening``, ``rate_rad_s``, ``radii``, ``gravity``.
     period_s : float
         Sample period.
     c_b2p, c_e2p : ndarray, shape (..., 3, 3)
@@ -102,13 +102,13 @@ class Navigator:
         self._gain = np.zeros_like(self.velocity)
 
     def step(self, omega_b, f_b, altitude_m=None):
-        """Move on by one sample: mean rate (rad/s) and specific force (m/s²), shape (..., 3)."""
+        """Advance by one sample: mean rate (rad/s) and specific force (m/s²), shape (..., 3)."""
         t, c = self.period_s, self.c_e2p
         alpha = np.asarray(omega_b, float) * t
         before = alpha if self._before is None else self._before
         middle = self.velocity + self._gain / 2
 
-        # Transport rate: turn of the vertical as the vehicle moves over the ellipsoid, by its curvature tensor.
+        # Transport rate: rotation of the vertical while the vehicle moves over the ellipsoid, by its curvature tensor.
         sine = c[..., 2, 2]
         north = c[..., :2, 2]
         meridian, prime = self.earth.radii(np.arcsin(np.clip(sine, -1, 1)))
@@ -119,7 +119,7 @@ class Navigator:
         transport = np.stack([-level[..., 1], level[..., 0], np.zeros_like(sine)], -1)
         spin = self.earth.rate_rad_s * c[..., :, 2]
 
-        # Attitude: the body turns against inertial space, and so does the platform.
+        # Attitude: body and platform rotate against inertial space.
         body, platform, position = rotation(np.stack([
             alpha + _cross(before, alpha) / 12, -(spin + transport) * t, -transport * t]))
         old = self.c_b2p
@@ -133,7 +133,7 @@ class Navigator:
         rate[..., 2] -= gravity
         climb = 0.0
         if self.damping_s is not None:
-            # Three equal time constants; the second gain makes up for gravity, which falls with height.
+            # Three equal time constants; the second gain compensates for gravity, which decreases with height.
             pull, error = 1 / self.damping_s, self.height_m - altitude_m
             spring = 2 * self.earth.gravity_m_s2 / self.earth.radius_m
             climb = -3 * pull * error
@@ -147,7 +147,7 @@ class Navigator:
         self.c_e2p = position @ c
 
     def navigation(self):
-        """What the navigator tells now."""
+        """The current outputs of the navigator."""
         t, c = self.c_b2p, self.c_e2p
         wander = np.arctan2(c[..., 0, 2], c[..., 1, 2])
         grid = np.arctan2(-t[..., 0, 1], t[..., 1, 1])
@@ -178,7 +178,7 @@ def rest_errors(earth, latitude, time_s, *, tilt=(0, 0, 0), gyro_bias=(0, 0, 0))
     tilt : sequence of 3 floats
         Initial attitude error φ about east, north, up, rad: computed C = (I − [φ×])·C.
     gyro_bias : sequence of 3 floats
-        Measured less true rate, east, north, up, rad/s.
+        Measured minus true rate, east, north, up, rad/s.
 
     Returns
     -------
@@ -197,11 +197,11 @@ def rest_errors(earth, latitude, time_s, *, tilt=(0, 0, 0), gyro_bias=(0, 0, 0))
     a[0, 1], a[0, 2], a[0, 4] = s, -c, -1 / meridian
     a[1, 0], a[1, 3], a[1, 5] = -s, 1 / prime, -s
     a[2, 0], a[2, 3], a[2, 5] = c, np.tan(latitude) / prime, c
-    # v̇ = f × φ for f = (0, 0, g), less Coriolis.
+    # v̇ = f × φ for f = (0, 0, g), minus the Coriolis term.
     a[3, 1], a[3, 4] = -g, 2 * s
     a[4, 0], a[4, 3] = g, -2 * s
     a[5, 4], a[6, 3] = 1 / meridian, 1 / (prime * np.cos(latitude))
-    # ẋ = A·x + b as one homogeneous system, whose exponential is taken by its Taylor series over short steps.
+    # ẋ = A·x + b as one homogeneous system; its exponential is a Taylor series over short steps.
     whole = np.zeros((8, 8))
     whole[:7, :7], whole[:3, 7] = a, -np.asarray(gyro_bias, float)
     steps = int(np.ceil(time_s / 10))

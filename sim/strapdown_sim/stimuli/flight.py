@@ -1,9 +1,9 @@
 """Flights with a known truth: ideal sensors, and the vehicle's attitude, velocity and position.
 
 Speed, track and climb angle are smooth, piecewise polynomial functions of time. Attitude, rates
-and specific force follow from them in closed form; position is their integral over the ellipsoid
-of revolution, taken by Gauss quadrature in every sample interval. Sensors give means over the
-interval, as integrating gyros and accelerometers do.
+and specific force follow from them in closed form. Position is their integral over the ellipsoid
+of revolution, computed by Gauss quadrature in every sample interval. Sensors give means over the
+interval, like integrating gyros and accelerometers.
 
 Body axes: x right, y forward, z up. Navigation axes: east, north, up. Heading is clockwise from
 true north, pitch positive nose up, roll positive right side down. Written from source 000,
@@ -28,8 +28,8 @@ class Earth(NamedTuple):
     rate_rad_s : float
         Rotation.
     gravity_m_s2, gravity_latitude, gravity_height : float
-        g = gravity_m_s2 + gravity_latitude·sin²L − gravity_height·h. Source 000, eq. 2.7 prints a
-        tenth of the height term, 3.086e-6 1/s², that every textbook has.
+        g = gravity_m_s2 + gravity_latitude·sin²L − gravity_height·h. The height term of textbooks is
+        3.086e-6 1/s²; source 000, eq. 2.7 prints a tenth of it.
     """
 
     radius_m: float
@@ -97,9 +97,9 @@ class Flight:
     angle_of_attack_deg : float
         Pitch minus climb angle.
     earth : Earth
-        The earth below it.
+        The model of the earth.
 
-    The vehicle points along its track, and banks so that turns have no side force.
+    The vehicle points along its track, and its bank makes the side force of turns zero.
     """
 
     duration_s: float
@@ -160,7 +160,7 @@ class Flight:
             if change.what == what:
                 begun = time_s > change.start_s
                 x = np.minimum((time_s[begun] - change.start_s) / change.duration_s, 1)
-                # The step of degree 7 that has three continuous derivatives.
+                # The step of degree 7 with three continuous derivatives.
                 bell = x * (1 - x)
                 steps = (x * x * x * x * (35 + x * (-84 + x * (70 - 20 * x))), 140 * bell * bell * bell,
                          420 * bell * bell * (1 - 2 * x))
@@ -172,7 +172,7 @@ class Flight:
         """Heading, pitch and roll, each with its rate, and the path's speed, track and climb with theirs."""
         speed = self._value("speed_m_s", time_s)
         track, climb = ([np.radians(x) for x in self._value(what, time_s)] for what in ("track_deg", "climb_deg"))
-        # A bank that leaves no side force: tan(roll) = v·ψ̇/g.
+        # A bank without side force: tan(roll) = v·ψ̇/g.
         g = self.earth.gravity_m_s2
         slope, slope_rate = speed[0] * track[1] / g, (speed[1] * track[1] + speed[0] * track[2]) / g
         roll = np.arctan(slope), slope_rate / (1 + slope**2)
@@ -182,7 +182,7 @@ class Flight:
     def _position(self, begins, points, weights, period_s):
         """Latitude, longitude and height inside the intervals and at their ends."""
         times = begins[:, None] + points * period_s
-        # Row k integrates the polynomial through the nodes from the interval's begin to node k.
+        # Row k integrates the polynomial through the nodes from the start of the interval to node k.
         powers = np.arange(len(points))
         integral = (points[:, None] ** (powers + 1) / (powers + 1)) @ np.linalg.inv(points[:, None] ** powers)
 
@@ -194,7 +194,7 @@ class Flight:
         east, north, up = np.moveaxis(self._velocity(self._angles(times))[0], -1, 0)
         height, height_end = integrate(up, self.height_m)
         latitude = np.full(times.shape, np.radians(self.latitude_deg))
-        # The radii know little of the latitude: each round wins four digits.
+        # The radii depend only weakly on the latitude: each iteration adds four digits.
         for _ in range(8):
             meridian, prime = self.earth.radii(latitude)
             latitude, latitude_end = integrate(north / (meridian + height), np.radians(self.latitude_deg))
@@ -259,7 +259,7 @@ def _apply_transposed(c, a):
 
 
 def airliner(*, latitude_deg=45.75, longitude_deg=126.65, rest_s=120, earth=SOURCE_EARTH):
-    """One hour: at rest, take-off, climb to some 8,000 m, four turns, cruise at 220 m/s, descent."""
+    """One hour: at rest, take-off, climb to about 8,000 m, four turns, cruise at 220 m/s, descent."""
     t = rest_s
     return Flight(
         duration_s=3600, latitude_deg=latitude_deg, longitude_deg=longitude_deg, height_m=150, track_deg=30,
@@ -281,10 +281,10 @@ def at_rest(duration_s, *, latitude_deg, heading_deg=0.0, pitch_deg=0.0, earth=S
 def sensor_errors(count, period_s, *, constant, white, correlation_s=3600.0, seed):
     """Errors of a triad: constant, white noise and first-order Markov process, shape (count, 3).
 
-    Eq. 2.24 of source 000, whose Markov process is garbled: with β = 1/``correlation_s`` it is
-    M(k+1) = exp(−βT)·M(k) + sqrt(1 − exp(−2βT))·w(k), so that its standard deviation is that of
-    w. ``constant`` and ``white`` (also w's standard deviation) are in the sensor's unit; the
-    source takes 1 and 0.02 deg/h, and 10 and 50 µg.
+    Eq. 2.24 of source 000, whose print of the Markov process is damaged. With β = 1/``correlation_s`` it is
+    M(k+1) = exp(−βT)·M(k) + sqrt(1 − exp(−2βT))·w(k), so its standard deviation is that of
+    w. ``constant`` and ``white`` (which is also w's standard deviation) are in the sensor's unit; the
+    source uses 1 and 0.02 deg/h, and 10 and 50 µg.
     """
     rng = np.random.default_rng(seed)
     decay = np.exp(-period_s / correlation_s)

@@ -1,7 +1,7 @@
 """Tables 5-1 to 5-7 of the 2015 thesis: the inputs of each module, and the printed "Matlab" results.
 
-Misprints are corrected: table 5-2 has the rows (1,1,1), (2,2,2), (3,3,3) of C, where the text
-says all ones.
+Misprints are corrected: table 5-2 has the rows (1,1,1), (2,2,2), (3,3,3) of C, although the text
+says that all elements are one.
 """
 
 __all__ = ["TABLES", "TABLE_5_7", "TABLE_5_7_INPUT"]
@@ -26,7 +26,7 @@ TABLES: dict[str, tuple[dict, dict]] = {
         {"c": (2, -1, -0.5, -2, 1)},
         {"angles": (30.0000, -63.4349, 333.4349)}),
 }
-"""Module to (inputs, printed outputs), by the kernel's names; tables 5-1 to 5-6."""
+"""Maps each module to (inputs, printed outputs), by the kernel's names; tables 5-1 to 5-6."""
 
 TABLE_5_7_INPUT = {"a": (1, 1, 1), "m": (1, 1, 1), "g": (1, 1, 1)}
 """Input of every update of table 5-7."""
