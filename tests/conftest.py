@@ -1,4 +1,4 @@
-"""What tests share: where things are, and models built once."""
+"""Fixtures of all tests: folders, and models that are built once."""
 
 from functools import cache
 from pathlib import Path
@@ -30,7 +30,7 @@ def models():
 
 @pytest.fixture(scope="session")
 def shared_recordings():
-    """Folder of the third-party recordings beside the project; skips where it is absent."""
+    """Folder of the third-party recordings beside the project; skips the test if it is absent."""
     folder = ROOT.parent / "shared" / "recordings"
     if not folder.is_dir():
         pytest.skip("The third-party recordings are not beside this checkout, so they are not replayed.")
@@ -39,7 +39,7 @@ def shared_recordings():
 
 @pytest.fixture(scope="session")
 def x_imu_recording():
-    """The x-IMU recording that `make demo` fetches; skips where it is absent."""
+    """The x-IMU recording that `make demo` fetches; skips the test if it is absent."""
     path = ROOT / "build" / "recordings" / "00033_CalInertialAndMag.csv"
     if not path.exists():
         pytest.skip("The x-IMU recording is not here: scripts/fetch_recording.py fetches it.")

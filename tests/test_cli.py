@@ -114,7 +114,7 @@ def test_a_configuration_in_a_file_of_ones_own(tmp_path):
     assert result.exit_code == 0, result.output
     facts = json.loads((tmp_path / "out" / "INS_atan.json").read_text())
     assert (facts["configuration"]["sample_rate_hz"], facts["configuration"]["kp"]) == (10, 2)
-    # The command tells the file, but not where it lies on this machine.
+    # The command names the file, without its path on this machine.
     assert facts["command_line"] == "strapdown generate --config my_core.py:SLOW --set kp=2 --module INS_atan"
 
 
@@ -197,7 +197,7 @@ def test_explain_shows_the_program():
 
 @pytest.mark.verilator
 def test_replay_of_a_csv_file(tmp_path, models):
-    """Two seconds turned at 30 deg/s about the vertical: the yaw tells, and all files are there."""
+    """Two seconds of rotation at 30 deg/s about the vertical: the yaw is correct, and all files exist."""
     rows = ["Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
             "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"]
     rows += [f"{k / 100:.2f},0,0,30,0,0,1" for k in range(200)]
@@ -213,7 +213,7 @@ def test_replay_of_a_csv_file(tmp_path, models):
     assert summary["bits_differing_from_twin"] == 0
     table = np.genfromtxt(tmp_path / "out" / "attitude.csv", delimiter=",", names=True)
     assert table.dtype.names == ("t", "q0", "q1", "q2", "q3", "pitch", "roll", "yaw")
-    # First-order steps turn by twice the arctangent of half the angle; 200 of them round in the seventh digit.
+    # First-order steps rotate by twice the arctangent of half the angle; 200 of them round in the seventh digit.
     assert table["yaw"][-1] == pytest.approx(200 * 2 * np.degrees(np.arctan(np.radians(0.15))), abs=2e-5)
     assert table["q3"][-1] == pytest.approx(np.sin(np.radians(30)), abs=1e-6)
     assert "bits that differ from the twin" in result.output

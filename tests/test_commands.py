@@ -1,7 +1,7 @@
-"""Every command in README and docs runs as it stands there.
+"""Every command in README and docs runs as written.
 
-A command is found in a fenced block of ``sh`` or between backquotes. Each must match a rule below, which says how it
-is run: a new command that matches none fails, and so does a rule that matches nothing.
+Commands are in fenced blocks of ``sh`` or between backquotes. Each must match a rule below, which says how the command
+is run. A command without a rule fails, and so does a rule without a command.
 """
 
 import os
@@ -29,7 +29,7 @@ PROGRAMS = r"(?:make|strapdown|pip|python -m \S+|scripts/\S+\.(?:py|sh))"
 
 
 def commands():
-    """Command to the documents that have it."""
+    """Maps each command to the documents that contain it."""
     found: dict[str, list[str]] = {}
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
         text = page.read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def commands():
     return found
 
 
-# What a command finds where it runs.
+# Files in the folder in which a command runs.
 
 FLIGHT = "Time (s)," + ",".join(f"{sensor} {axis} ({unit})" for sensor, unit in (
     ("Gyroscope", "deg/s"), ("Accelerometer", "g"), ("Magnetometer", "uT")) for axis in "XYZ")
@@ -56,7 +56,7 @@ def recording():
 
 
 def frames():
-    """Bytes as the serial link sends them."""
+    """Bytes in the form of the serial link."""
     sender = FrameSender(NAVIGATION.number, 36, clock_hz=1e8, baud_rate=921_600)
     return b"".join(sender.compute(counter, 0, np.arange(9, dtype="<f4").tobytes()) for counter in range(5))
 
@@ -67,7 +67,7 @@ def own_file():
 
 
 class TwinModel:
-    """The twin in place of the Verilated circuit: other tests compare the two, here it is about the command."""
+    """The twin in place of the Verilated circuit, because these tests are about commands; others compare the two."""
 
     def __init__(self, core, verilog, build):
         assert Path(verilog).exists()
@@ -86,7 +86,7 @@ class TwinModel:
 
 @dataclass
 class Place:
-    """Where a command runs, and what stands in for what takes minutes."""
+    """The folder in which a command runs, and replacements for steps that take minutes."""
 
     folder: Path
     monkeypatch: pytest.MonkeyPatch
@@ -110,24 +110,24 @@ def strapdown(words, place):
     (place.folder / "recorded.bin").write_bytes(frames())
     (place.folder / "my_core.py").write_text(own_file())
     place.stand_in("strapdown_sim.replay.CoreModel", TwinModel)
-    # Most of the time would go into the Verilog, which other tests make and compare.
+    # The Verilog would take most of the time; other tests make and compare it.
     place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
     return place.invoke(main, words[1:])
 
 
 def named(words, place):
-    """Only the name of a command stands there: it has a help text."""
+    """Only the name of a command, which must have a help text."""
     assert place.invoke(main, [*words[1:], "--help"]).startswith("Usage:")
 
 
 def with_names(words, place):
-    """Words in capitals stand for names."""
+    """Words in capitals are placeholders for names."""
     names = {"DIR": "folder", "NAME": "mahony", "RECORDING": "flight.csv"}
     strapdown([names.get(word, word) for word in words], place)
 
 
 def serial(words, place):
-    """A recorded stream in place of the serial port, for which there is no display either."""
+    """A recorded stream in place of the serial port, without a display."""
     words = [word for word in words if word != "--live"]
     port = words.index("/dev/ttyUSB0")
     place.stand_in("strapdown_sim.monitor._read_serial", lambda port, rate: (data for data in [frames()]))
@@ -136,7 +136,7 @@ def serial(words, place):
 
 
 def report(words, place):
-    """The tools' answers are made up; circuits are made, but not simulated."""
+    """The results of the tools are invented; circuits are made, but not simulated."""
     cost = {"lut": 1, "memory_lut": 0, "ff": 1, "dsp": 0, "bram": 0}
     placed = {"lut": 1, "ff": 1, "multiplier": 0, "ebr": 0, "fmax_mhz": 80.0, "fmax_mhz_of_seeds": [80.0],
               "critical": ["a", "b"]}
@@ -152,7 +152,7 @@ def report(words, place):
 
 
 def accuracy(words, place):
-    """No recording: it says so in one line. The filters have tests of their own."""
+    """No recording: the command ends with one line. Other tests check the filters."""
     place.monkeypatch.chdir(place.folder)
     place.stand_in("strapdown_lab.studies.accuracy.version", lambda package: "1")
     (place.folder / "recordings").mkdir()
@@ -163,7 +163,7 @@ def accuracy(words, place):
 
 
 def proofs(words, place):
-    """Proofs, exhaustive runs and faults are chosen, but not run: that takes hours, and tests run some."""
+    """Proofs, exhaustive runs and faults are selected, but not run, because that takes hours; other tests run some."""
     asked = []
 
     def prove(props, build, **options):
@@ -186,7 +186,7 @@ def proofs(words, place):
 
 
 def make(words, place):
-    """Make says what it would do; the project's own commands among that are run as their rules say."""
+    """Make prints its commands; the project's own commands among them are run by their rules."""
     done = subprocess.run(["make", "--dry-run", "--always-make", *words[1:]], cwd=ROOT, capture_output=True, text=True,
                           check=False, env={key: value for key, value in os.environ.items() if key != "MAKEFLAGS"})
     assert done.returncode == 0, done.stderr
@@ -205,7 +205,7 @@ def recipe(words, place):
         case ["strapdown", "replay", _, *rest]:
             strapdown(["strapdown", "replay", "flight.csv", *rest], place)
         case ["strapdown", "report", *rest]:
-            # All that can be reported takes minutes even so.
+            # The complete report would still take minutes.
             report(["strapdown", "report", "--only", "add", "--config", "quaternion_j2", *rest], place)
         case ["strapdown", "accuracy", *rest]:
             accuracy(["strapdown", "accuracy", *rest], place)
@@ -217,7 +217,7 @@ def recipe(words, place):
         case ["python", "-m", "strapdown_lab.proof", *rest]:
             proofs(rest, place)
         case ["python", "-m", "strapdown_lab.docs"]:
-            # What it writes is compared in tests/test_readme.py and tests/lab.
+            # tests/test_readme.py and tests/lab compare its output.
             pass
         case other:
             raise AssertionError(f"no rule for {other}")
@@ -240,7 +240,7 @@ RULES = {
     # A test builds the wheel and installs it: tests/test_package.py.
     r"pip install(?: 'strapdown\[\w+\]')?": lambda words, place: None,
 }
-"""Pattern of whole commands to the function that runs them; the first that matches counts."""
+"""Maps patterns of whole commands to the functions that run them; the first match is used."""
 
 
 def rule_of(command):
@@ -261,7 +261,7 @@ def test_commands_are_found():
 
 @cache
 def targets():
-    """Targets of the Makefile, with what they say of themselves."""
+    """Targets of the Makefile, with their descriptions."""
     return dict(re.findall(r"^([a-z]+):.*## (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 

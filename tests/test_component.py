@@ -1,4 +1,4 @@
-"""Described components are read, or become a circuit: Amaranth's check for unused ones is not theirs."""
+"""Described components can be read without becoming a circuit; Amaranth's check for unused components omits them."""
 
 import gc
 import warnings
@@ -14,7 +14,7 @@ from strapdown.fp import BINARY32, FpAdd
 
 
 class Plain(wiring.Component):
-    """What Amaranth expects of a component: that it becomes a circuit."""
+    """A normal component, which Amaranth expects to become a circuit."""
 
     one: Out(1)
 
@@ -29,7 +29,7 @@ class Free(Described, Plain):
 
 
 def unused(make):
-    """Whether Amaranth reports a component that is made and dropped."""
+    """True if Amaranth reports a component that is made and not used."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         make()

@@ -1,4 +1,4 @@
-"""The example in docs/kernels.md: a core in a file of one's own, with all commands; and the same inside the tree."""
+"""The example in docs/kernels.md: a core in a user's file, with all commands; and the same core inside the tree."""
 
 import importlib.util
 import json
@@ -58,13 +58,13 @@ def attitudes(count):
 
 def test_heading_and_tilt_are_those_of_the_rotation(my_core):
     r = attitudes(2000)
-    # So short a time constant that the low-pass passes everything: its gain is 1.
+    # The time constant is so short that the gain of the low-pass is 1.
     config = my_core.COMPASS.replace(time_constant_s=1e-4)
     system = my_core.compass(config)
     result, _ = system.run(config.pool, system.bind(a=r[:, 2] * GRAVITY, m=np.einsum("nij,i->nj", r, FIELD_NWU)))
     outputs = system.read(result)
     north, west = r[:, 0, 0], r[:, 1, 0]
-    # Some twenty roundings of 2**-24, magnified by at most 1/0.1 where body x is steep, are 0.0007 degrees.
+    # About twenty roundings of 2**-24, magnified by at most 1/0.1 where body x is steep, are 0.0007 degrees.
     flat = np.hypot(north, west) > 0.1
     heading = np.degrees(np.arctan2(-west, north)) % 360
     difference = (outputs["heading"] - heading + 180) % 360 - 180
@@ -76,7 +76,7 @@ def test_heading_and_tilt_are_those_of_the_rotation(my_core):
 
 def test_low_pass_and_steep_field(my_core):
     system = my_core.compass(my_core.COMPASS)
-    # Level for one sample, then on its nose for the time constant of half a second.
+    # Level for one sample, then nose down for the time constant of half a second.
     count = 50
     a = [[0, 0, GRAVITY], *[[GRAVITY, 0, 0]] * count]
     result, state = system.run(my_core.COMPASS.pool, system.bind(a=a, m=[0, 0, -40]))
@@ -120,13 +120,13 @@ def test_printed_lines_are_those_of_this_commit(page):
 def test_twin_in_python(page, folder):
     code = re.search(r"```python\n(from my_core import.*?)```", page, re.DOTALL)[1]
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
-    # To the north; then the field points to body y, which is the left: the body points to the east.
+    # First north; then the field points to body y (left), so the body points east.
     heading = [float(number) for number in re.findall(r"[\d.]+", done.stdout.partition("]")[0])]
     assert heading == pytest.approx([0, 90], abs=1e-4)
 
 
 def test_the_same_inside_the_tree(page, folder, root):
-    """The two blocks as files of the package, and one line in the catalogue: the same circuit."""
+    """The two blocks as files of the package, and one line in the catalogue, give the same circuit."""
     tree = folder / "tree" / "strapdown"
     shutil.copytree(root / "hw" / "strapdown", tree, ignore=shutil.ignore_patterns("__pycache__"))
     equations, system = docs.own_kernel(page).split("\n\n\nfrom pydantic", maxsplit=1)

@@ -1,4 +1,4 @@
-"""What a stranger installs: the wheel outside the checkout, and a source distribution that holds its own tests."""
+"""Installation by a user: the wheel outside the checkout, and a source distribution that contains its tests."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ HEADER = ("Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),
 
 
 def clean_environment(**changes):
-    """The environment without what leads Python back into the checkout."""
+    """The environment without variables that lead Python into the checkout."""
     kept = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
     return kept | changes
 

@@ -1,4 +1,4 @@
-"""The code of docs/python.md runs as it stands, and prints what its comments say."""
+"""The code of docs/python.md runs as written, and prints the values in its comments."""
 
 import re
 import subprocess

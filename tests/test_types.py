@@ -1,4 +1,4 @@
-"""The type checker sees through all three wings: calls that are wrong are errors, calls that are right are not."""
+"""The type checker covers all three packages: wrong calls are errors, correct calls are not."""
 
 import re
 import subprocess

@@ -23,7 +23,7 @@ def points(count, rng):
 def test_polynomial_is_as_good_as_it_says():
     y, x = (np.float64(values) for values in points(100_000, np.random.default_rng(1)))
     truth = np.arctan2(y, x)
-    # 1.7e-8 of the octant's angle, which the turns only make a smaller part of the whole.
+    # 1.7e-8 of the octant's angle; the rotation to other octants makes it a smaller part of the angle.
     np.testing.assert_allclose(arctangent.atan2(Float64(), y, x), truth, rtol=1.7e-8, atol=0)
 
 
@@ -33,8 +33,8 @@ def test_twin_is_within_three_units_in_the_last_place():
     result = xp.atan2(xp.lift(y), xp.lift(x)).array
     truth = np.arctan2(np.float64(y), np.float64(x))
     units = np.abs(result - truth) / np.spacing(np.abs(np.float32(truth)))
-    # The polynomial 0.3; t 0.5; its cubic part, a fifth of t at most, 5 roundings of 0.5; the sum 0.5;
-    # each turn 0.5 and the constant's own 0.5: one before the result's binade, one in it.
+    # In ulp: the polynomial 0.3; t 0.5; its cubic part, at most a fifth of t, 5 roundings of 0.5; the sum 0.5;
+    # each rotation 0.5, and the rounding of its constant 0.5: one before the result's binade, one in it.
     assert units.max() < 0.3 + 0.5 + 2.5 / 5 + 0.5 + 1.0
 
 

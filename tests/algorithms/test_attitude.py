@@ -1,4 +1,4 @@
-"""The kernels in float64 against the textbook model, which was written from the source and not from them."""
+"""The kernels in float64 against the textbook model, which was written from the source, not from the kernels."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def random_rotation(count):
 
 
 def of_a_matrix(c):
-    """The elements that INS_euler takes."""
+    """The elements of C that are inputs of INS_euler."""
     return c[..., (0, 0, 0, 1, 2), (0, 1, 2, 2, 2)]
 
 
@@ -34,7 +34,7 @@ def test_kernel_is_the_textbook_equation(name, config):
     scale = max(np.abs(values).max() for values in expected.values())
     assert kernel.keys() == expected.keys()
     for output, values in expected.items():
-        # Both are sums of at most some thirty products in another order: 2**-52 each, of the largest term.
+        # Both are sums of at most about thirty products in different orders: 2**-52 of the largest term each.
         np.testing.assert_allclose(kernel[output], values, rtol=1e-12, atol=1e-14 * scale)
 
 

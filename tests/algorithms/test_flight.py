@@ -1,4 +1,4 @@
-"""The flight filter's kernel in float64 against the reference, which was written from the equations and not from it."""
+"""The flight filter's kernel in float64 against the reference, which was written from the equations, not the kernel."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ RATE_HZ = 100
 
 
 def samples(seconds, seed=5):
-    """Sensors of a body that rests, turns, shakes, and meets other fields and holes in its data."""
+    """Sensors of a body at rest, in rotation and in vibration, with disturbed fields and missing data."""
     rng = np.random.default_rng(seed)
     t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     moving = (t > 4)[:, None]
@@ -40,10 +40,10 @@ def run_kernel(config, accel, mag, gyro, **more):
 
 
 def compare(kernel, truth):
-    """The kernel's two approximations are far below 0.001°, which an error in an equation would not be.
+    """The kernel's two approximations are far below 0.001°; an error in an equation would be larger.
 
-    The field's reference learns by x - x²/2 where the exact weight is 1 - exp(-x): x²/6 = 1e-3 of it at
-    most in the ramp. A turn is short by 2/15·y⁵, 1e-9 rad at 2° a sample.
+    The weight of the field's reference is x - x²/2 in place of 1 - exp(-x): a relative error of x²/6 = 1e-3 at
+    most in the ramp. A rotation is too small by 2/15·y⁵, 1e-9 rad at 2° per sample.
     """
     assert rotation_angle(kernel["q"], truth.q_b2n).max() < 1e-3
     assert np.abs(kernel["c"] - truth.c_n2b).max() < 2e-5
@@ -51,7 +51,7 @@ def compare(kernel, truth):
         assert np.abs(kernel[name] - expected).max() <= 2e-5 * max(np.abs(expected).max(), 1)
     for name in STATUS[:-1]:
         if name in kernel:
-            # A threshold may be met one sample earlier or later.
+            # A threshold may be reached one sample earlier or later.
             assert np.count_nonzero(kernel[name] != truth.status[name]) <= 2, name
 
 
@@ -87,7 +87,7 @@ def test_period_and_gains_as_inputs():
     period = np.random.default_rng(1).uniform(0.004, 0.016, len(accel))
     kernel = run_kernel(config, accel, mag, gyro, **config.constant_inputs() | {"period": period})
     truth = flight_filter(config).run(accel, mag, gyro, period_s=period)
-    # Weights are short by less than x²/6 of themselves, x = 0.032 s/0.5 s at most: 7e-4 of some degrees.
+    # Weights are too small by a relative error below x²/6, with x = 0.032 s/0.5 s at most: 7e-4 of a few degrees.
     assert rotation_angle(kernel["q"], truth.q_b2n).max() < 5e-3
 
 
@@ -102,7 +102,7 @@ def test_any_period_is_survived(period):
 
 @pytest.mark.parametrize("angle", [0, 1e-6, 30, 90, 119, 120, 150, 179, 180])
 def test_tilt_is_the_tangent_of_half_the_angle(angle):
-    """Up to 120°; beyond, it still turns the right way, and never by more than twice √3."""
+    """Exact up to 120°; beyond, the direction is still correct, and the correction is never more than twice √3."""
     low = (7 * np.sin(np.radians(angle)), 0.0, 7 * np.cos(np.radians(angle)))
     (x, y), length, square = tilt_correction(Float64(), low, FRAMES["NWU"])
     assert (length, square) == pytest.approx((7, 49))

@@ -1,4 +1,4 @@
-"""Quaternion straight from rates, in float64 and as the circuit computes it, against exact rotations."""
+"""Quaternion directly from rates, in float64 and in the bits of the circuit, against exact rotations."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def samples(count, rate_max_deg_s):
 @pytest.mark.parametrize("config", [QUATERNION_J2, QUATERNION_J3], ids=lambda config: config.name)
 @pytest.mark.parametrize("method", ["least-squares", "minimax"])
 def test_an_update_is_the_exact_rotation_within_the_designed_error(config, method):
-    # 1.7 rad in an update: far from what anything does, so that the error is far above float64's.
+    # 1.7 rad in an update: much more than in practice, so that the error is far above that of float64.
     config = config.model_copy(update={"method": method, "rate_max_deg_s": 100_000, "sample_rate_hz": 1000})
     e, omega = samples(2000, config.rate_max_deg_s)
     c = config.coefficients
@@ -31,7 +31,7 @@ def test_an_update_is_the_exact_rotation_within_the_designed_error(config, metho
     truth = exact.product(e.T, exact.increment(omega.T, config.period_s))
     angle, norm = c.worst()
     error = exact.angle_between(q.T, truth)
-    # `worst` looks at 257 points: between two of them an extreme is higher by 1e-3 of itself at most.
+    # `worst` evaluates 257 points: an extreme between two of them is higher by a relative 1e-3 at most.
     assert error.max() <= angle * (1 + 1e-3) + 1e-14
     assert error.max() > 0.5 * angle
     assert np.abs(np.linalg.norm(q, axis=0) - 1).max() <= norm * (1 + 1e-3) + 1e-14
@@ -59,8 +59,8 @@ def test_the_twin_is_near_the_exact_rotation(config):
     inputs = system.bind(omega=omega.T, load=0.0, start=np.zeros(4))
     q = system.read(system.update_twin(config.pool, inputs, system.bind_state(e=e.T)))["e"].astype(float)
     truth = exact.product(e.T.astype(float), exact.increment(omega.T.astype(float), config.period_s))
-    # Each component is a·e + d·w: two products and their sum of at most 1, a and d each rounded once or twice;
-    # d·w is below half the largest angle, 0.035. Three halves of 2**-24 from a·e and the sum, the rest below one more.
+    # Each component is a·e + d·w: two products and their sum, at most 1; a and d are each rounded once or twice;
+    # d·w is below half the largest angle, 0.035. a·e and the sum give 1.5 * 2**-24, the other errors less than 2**-24.
     assert np.abs(q - truth).max() <= 2.5 * 2.0**-24
 
 
@@ -80,7 +80,7 @@ def test_renormalised_every_so_many_updates(every):
     result, _ = system.run_float64(rest, {"e0": 1.01})
     norms = np.append(1.01, np.linalg.norm(system.read(result)["e"], axis=1))
     changed = np.flatnonzero(np.abs(np.diff(norms)) > 1e-12) + 1
-    # At rest the quaternion stays as it is but for renormalisations; the fourth no longer shows.
+    # At rest only renormalisations change the quaternion; the fourth has no visible effect.
     np.testing.assert_array_equal(changed, [every, 2 * every, 3 * every])
 
 
@@ -107,12 +107,12 @@ def test_classical_coning(coning):
     updated = system.update_float64(system.bind(**given, load=0.0, start=np.zeros(4)), system.bind_state(e=q[:-1]))
     left = exact.product(q[1:] * [1, -1, -1, -1], system.read(updated)["e"])
     error = 2 * left[:, 3].mean()
-    # Per update, small β: the coning term is β²/2·(ΩT − sin ΩT); with h = ΩT/2 the corrected one leaves
+    # Per update, for small β: the coning term is β²/2·(ΩT − sin ΩT); with h = ΩT/2 the error after correction is
     # β²·((2h − sin 2h)/2 − 8/3·sin²(h/2)·sin h) (Miller 1983 gives its first term, β²(ΩT)⁵/960).
     h = frequency * period / 2
     missing = beta**2 / 2 * (2 * h - np.sin(2 * h))
     if coning:
         missing -= beta**2 * 8 / 3 * np.sin(h / 2) ** 2 * np.sin(h)
         assert missing == pytest.approx(beta**2 * (2 * h) ** 5 / 960, rel=0.05)
-    # Terms in β⁴ are left out: relative to β²·(ΩT)³, a few β².
+    # Terms in β⁴ are omitted: relative to β²·(ΩT)³, a few β².
     assert abs(error) == pytest.approx(missing, rel=0.01)

@@ -17,7 +17,7 @@ def test_the_twin_is_within_its_bound(format):
     xp = Twin(Pool(format=format.with_subnormals(Subnormals.FLUSH)))
     degrees = xp.given(DEGREES)
     exact = degrees.array.astype(np.longdouble)
-    # To the nearest multiple of 90 degrees exactly: the rest is small where the result is.
+    # The reduction by the nearest multiple of 90 degrees is exact: the remainder is small where the result is small.
     turns = np.rint(exact / 90)
     rest = (exact - 90 * turns) * (np.pi.as_integer_ratio()[0] / np.longdouble(np.pi.as_integer_ratio()[1])
                                    + np.longdouble(1.2246467991473532e-16)) / 180

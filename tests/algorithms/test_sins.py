@@ -32,7 +32,7 @@ ZERO = {"omega": np.zeros(3), "f": np.zeros(3), "load": 0.0, "align": 0.0, "plac
 
 
 def bound(system, **values):
-    """Inputs of updates; zero where nothing else is said."""
+    """Inputs of updates; zero by default."""
     values = ZERO | values
     return system.bind(**{name: values[name] for name in system.inputs})
 
@@ -48,11 +48,11 @@ def loaded(system, omega, f, **start):
 def test_kernel_is_within_a_millionth_of_the_reference_and_near_the_truth(config):
     config = config.model_copy(update={"sample_rate_hz": 10.0})
     omega_b, f_b, truth = FLIGHT.sample(config.period_s)
-    # A short flight of the same start tells the attitude at its beginning.
+    # A short flight from the same start gives the attitude at its beginning.
     before = Flight(1, track_deg=FLIGHT.track_deg, speed_m_s=200, angle_of_attack_deg=2).sample(1)[2]
     system = sins_top(config)
     latitude, longitude = np.radians(FLIGHT.latitude_deg), np.radians(FLIGHT.longitude_deg)
-    # The sample that comes with the load is the first of the flight, a moment too early.
+    # The sample with the load is the first sample of the flight, one period too early.
     omega, force, altitude = (np.concatenate([values[:1], values]) for values in (omega_b, f_b, truth.height_m))
     result, _ = system.run_float64(loaded(
         system, omega, force, altitude=altitude, place=(FLIGHT.latitude_deg, FLIGHT.longitude_deg),
@@ -68,10 +68,10 @@ def test_kernel_is_within_a_millionth_of_the_reference_and_near_the_truth(config
     assert abs(kernel[0] - told.latitude) * radius < 1e-6 * distance
     assert abs(kernel[1] - told.longitude) * radius < 1e-6 * distance
     assert abs(told_by_kernel["height"] - told.height_m) < 1e-6 * distance
-    # A millionth of the distance over the earth's radius is 1e-8 rad; tilts make positions at g·t²/2.
+    # A millionth of the distance over the earth's radius is 1e-8 rad; a tilt makes a position error of g·t²/2.
     np.testing.assert_allclose(np.radians(told_by_kernel["attitude"]), told[:3], rtol=0, atol=1e-8)
     np.testing.assert_allclose(told_by_kernel["velocity"], told.velocity_m_s, rtol=0, atol=1e-4)
-    # And neither is far from where the aircraft is, at a fifth of the source's rate.
+    # Both are close to the true position, at a fifth of the source's rate.
     assert abs(kernel[0] - truth.latitude[-1]) * radius < 1
     assert abs(kernel[1] - truth.longitude[-1]) * radius < 1
 
@@ -82,7 +82,7 @@ def test_schuler_oscillation_and_growth():
     system, latitude = sins_top(config), np.radians(45)
     omega_b, f_b, _ = at_rest(5000, latitude_deg=45).sample(2.0)
     bias, tilt = np.radians(0.05) / 3600, np.radians(0.01)
-    # Computed (I − [φ×]): the platform is seen turned by −φ.
+    # Computed (I − [φ×]): the platform appears rotated by −φ.
     start_q = np.array([(1, 0, 0, 0), (np.cos(tilt / 2), 0, -np.sin(tilt / 2), 0)])
     rates = np.concatenate([[omega_b[:1, None].repeat(2, axis=1)[0]], omega_b[:, None] + [(0, bias, 0), (0, 0, 0)]])
     force = np.concatenate([f_b[:1], f_b])[:, None]
@@ -164,7 +164,7 @@ def test_a_load_shows_the_start_position(longitude, shown):
     assert (*told["position"], told["wander"]) == (45.3, shown, 0)
     assert told["velocity"].tolist() == [3, 4, 5]
     assert not result["out_of_range"]
-    # And the state has it: at rest over the ground the next update shows the same, but for rounding.
+    # The state has the same values: at rest over the ground the next update gives them again, within rounding.
     at_rest = system.bind_state(**state | {"v": np.zeros(3), "half": np.zeros(3)})
     result = system.update_float64(bound(system, place=(1e300, 0.0)), at_rest)
     assert system.read(result)["position"] == pytest.approx((45.3, shown), abs=1e-13)
@@ -184,7 +184,7 @@ def test_position_matrix_stays_orthonormal():
     for _ in range(2000):
         c = sins.position_matrix(Float64(), c, transport, 1.0)
     c = np.array(c)
-    # Third order of the turn, (4e-5)³ an update, and rounding.
+    # Third order of the rotation, (4e-5)³ per update, and rounding.
     np.testing.assert_allclose(c @ c.T, np.eye(3), rtol=0, atol=2000 * 1e-13)
 
 
@@ -200,7 +200,7 @@ def test_curvatures_are_the_ellipsoids():
     about = -north / (meridian + h), east / (prime + h)
     expected = (np.cos(wander) * about[0] + np.sin(wander) * about[1],
                 -np.sin(wander) * about[0] + np.cos(wander) * about[1])
-    # What the docstring leaves out: 3e-8 of the curvature, (h/R)³ of it, and 3·(h/R)²·e'² of the difference.
+    # The approximations of the docstring: 3e-8 of the curvature, (h/R)³ of it, and 3·(h/R)²·e'² of the difference.
     bound = 6e-8 * np.linalg.norm(v[:, :2], axis=1) / 6.3e6
     for got, want in zip(transport, expected, strict=True):
         assert (np.abs(got - want) <= bound).all()

@@ -15,8 +15,8 @@ FORMATS = {f"{fmt.name}_{policy}": fmt.with_subnormals(policy)
            for fmt in (BINARY16, BINARY32, BINARY64, BFLOAT16, CUSTOM) for policy in ("gradual", "flush")}
 
 ORACLE_ERROR = 2.0**-62
-"""Relative error, at most, of the functions of NumPy's longdouble, 2 ulp of its 64-bit significand;
-those of one that is no wider than float64 would not do."""
+"""Upper bound of the relative error of NumPy's longdouble functions: 2 ulp of a 64-bit significand.
+A longdouble that is not wider than float64 would not be sufficient."""
 
 
 def exact_values(values):
@@ -28,7 +28,7 @@ def exact_values(values):
 
 
 def ulp_errors(fmt, got, wanted, slack):
-    """Errors in ulp of the wanted results. Flushed ones vanish as they should, within ``slack`` ulp."""
+    """Errors in ulp of the expected results. Flushed results must be flushed correctly, within ``slack`` ulp."""
     exponent = np.maximum(np.frexp(wanted)[1] - 1, 1 - fmt.bias)
     error = np.abs(exact_values(got) - wanted) * np.ldexp(np.longdouble(1), fmt.fraction_width - exponent)
     if not fmt.gradual:
@@ -40,11 +40,11 @@ def ulp_errors(fmt, got, wanted, slack):
 
 
 def scaled_atan2(y, x, places):
-    """atan2(y, x) * 2**places for positive integers, within 64: halved four times, then Taylor's series."""
+    """atan2(y, x) * 2**places for positive integers, within 64: four halvings of the angle, then Taylor's series."""
     guard = places + 32
     t = (y << guard) // x
     for _ in range(4):
-        # tan(a / 2) = t / (1 + sqrt(1 + t**2)), for however large t.
+        # tan(a / 2) = t / (1 + sqrt(1 + t**2)), for any t.
         t = (t << guard) // ((1 << guard) + math.isqrt((1 << 2 * guard) + t * t))
     total, power, n = 0, t, 0
     while power:
@@ -54,9 +54,9 @@ def scaled_atan2(y, x, places):
 
 
 def answers(component, name, operands, results, stimulus, models, tmp_path):
-    """What the circuit gives for rows of operands, its latency checked: result name to encodings.
+    """Results of the circuit for rows of operands, with a check of its latency: maps result names to encodings.
 
-    A pipeline starts in three of four cycles and must finish in just these, ``latency`` later.
+    A pipeline starts in three of four cycles and must finish in exactly these cycles, ``latency`` later.
     """
     source = tmp_path / f"{name}.v"
     source.write_text(verilog.convert(component, name=name, emit_src=False))
@@ -70,7 +70,7 @@ def answers(component, name, operands, results, stimulus, models, tmp_path):
         pytest.skip(str(error))
     if component.iterative:
         answer = model.transact(stimulus)
-        # The taking edge is one of the latency's.
+        # The edge that takes the operands counts in the latency.
         assert set(answer["cycles"].tolist()) == {component.latency - 1}
         return answer
     count, latency = len(next(iter(stimulus.values()))), component.latency
@@ -88,7 +88,7 @@ def answers(component, name, operands, results, stimulus, models, tmp_path):
 
 
 def assert_equal(fmt, got, wanted, stimulus, name):
-    """Fails with the first operands for which encodings and numbers differ."""
+    """Fails with the first operands whose encodings and numbers differ."""
     wanted = fmt.to_bits(wanted)
     wrong = np.flatnonzero(got != wanted)
     rows = "\n".join(f"{name}({', '.join(hex(values[row]) for values in stimulus.values())}) is "

@@ -22,13 +22,13 @@ def specials(fmt):
 
 
 def random_pairs(fmt, count, seed):
-    """Random pairs: special, independent, subnormal, on the octants' borders, of like exponent,
-    and of all exponent differences up to results that vanish."""
+    """Random pairs: special, independent, subnormal, on the octants' borders, of equal exponent,
+    and of all exponent differences up to results that are zero."""
     rng = np.random.default_rng(seed)
     sign = np.uint64(1 << (fmt.width - 1))
     last = np.uint64(fmt.infinity - 1)
     y, x, jitter = (rng.integers(0, (1 << fmt.width) - 1, count, dtype=np.uint64, endpoint=True) for _ in range(3))
-    # One of few significant bits, so that exact quotients and ties are among the cases.
+    # One operand has few significant bits, so that exact quotients and ties are among the cases.
     kept = rng.integers(0, fmt.fraction_width, count, endpoint=True, dtype=np.uint64)
     x = np.where(rng.random(count) < 0.2, x >> kept << kept, x)
     tiny = np.uint64((2 << fmt.fraction_width) - 1) | sign
@@ -97,7 +97,7 @@ def test_default_bounds_are_below_one_ulp(fmt):
 def test_twin_broadcasts():
     result = CordicAtan2(BINARY32).compute(np.float32([[1], [-2]]), [2.0, 0.0, -1.0])
     assert (result.dtype, result.shape) == (np.float32, (2, 3))
-    # Correctly rounded here: the error before rounding moves none of these six over a tie.
+    # These six are correctly rounded: the error before rounding moves none of them over a tie.
     assert np.array_equal(result, np.float32(np.arctan2([[1.0], [-2.0]], [2.0, 0.0, -1.0])))
     assert CordicAtan2(BINARY16).compute(1.0, 0.0) == np.float16(np.pi / 2)
 
@@ -159,10 +159,10 @@ def test_accuracy(fmt, parameters, count):
     error = ulp_errors(fmt, got.result[valid], wanted[valid], atan2.error_bound)
     oracle_error = ORACLE_ERROR * 2.0**fmt.precision
     assert error.max() <= atan2.error_bound_ulp + oracle_error
-    # The bounds are no idle ones: a part of what they allow before rounding is found.
+    # The bounds are not much too large: a part of the error that they allow before rounding occurs.
     assert error.max() > 0.5 + atan2.error_bound / 10
 
-    # The largest number's next one would be there, were it not for the exponent's range.
+    # With a larger exponent range this would be the number after the largest one.
     overflow = np.ldexp(np.longdouble(2) - np.ldexp(np.longdouble(1), -fmt.precision), fmt.bias)
     finite = np.isfinite(got.magnitude)
     assert np.all(lengths[~finite & valid] > overflow * (1 - 2.0**-fmt.precision))
@@ -173,7 +173,7 @@ def test_accuracy(fmt, parameters, count):
 
 
 def test_ten_million():
-    """Binary32 within 1 ulp of float64's arctangent, which is off by less than 2**-28 ulp of binary32."""
+    """Binary32 within 1 ulp of float64's arctangent, whose error is less than 2**-28 ulp of binary32."""
     atan2, worst = CordicAtan2(FORMATS["binary32_flush"]), 0.0
     for seed in range(50):
         y, x = (BINARY32.from_bits(encodings) for encodings in random_pairs(atan2.format, 200_000, seed))
@@ -187,7 +187,7 @@ def test_ten_million():
 
 
 def test_binary64_against_integers():
-    """Angles in the first quadrant from integers, with an arctangent made of nothing else."""
+    """Angles in the first quadrant, with an arctangent in integer arithmetic."""
     rng = np.random.default_rng(754)
     y, x = (rng.integers(1 << 52, 1 << 53, 300) for _ in range(2))
     places = rng.integers(0, 60, (2, 300))
@@ -201,7 +201,7 @@ def test_binary64_against_integers():
 
 
 def test_accuracy_of_defaults():
-    """A bound that holds for these cases alone, well below the proven one, so as to notice a loss."""
+    """A bound for these cases alone, well below the proven one, to detect a loss of accuracy."""
     fmt = FORMATS["binary32_flush"]
     rng = np.random.default_rng(1971)
     x, y = rng.uniform(1, 2, (2, 1_000_000)).astype(np.float32)
@@ -241,8 +241,8 @@ def test_circuit_equals_twin(fmt, parameters, count, models, tmp_path):
 @pytest.mark.parametrize("policy", ["gradual", "flush"])
 @pytest.mark.parametrize("rate", [0.1, 0.9, 1.0])
 def test_handshake(policy, rate):
-    """Random starts, operands changing in every cycle: which are taken, when results come, and
-    that they hold."""
+    """Random starts, with operands that change in every cycle: checks the accepted starts, the time of
+    the results, and that results hold."""
     fmt = BINARY16.with_subnormals(policy)
     atan2 = CordicAtan2(fmt, steps_per_cycle=2)
     rng = np.random.default_rng(754)

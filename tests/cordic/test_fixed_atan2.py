@@ -1,4 +1,4 @@
-"""The unrolled 16-bit arctangent's numbers; its circuit is checked bit by bit as the vendor operator ``atan``."""
+"""The results of the unrolled 16-bit arctangent; the tests of the vendor operator ``atan`` check its circuit."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_atan_within_its_bound():
     bound = FixedAtan2().error_bound
     assert bound < 0.73
     assert np.abs(error).max() <= bound
-    # The bound is no idle one.
+    # The bound is not much too large.
     assert np.abs(error).max() > 0.8 * bound
 
 

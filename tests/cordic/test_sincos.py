@@ -25,8 +25,8 @@ def specials(fmt):
 
 
 def random_angles(fmt, count, seed):
-    """Random angles: any encodings, of all magnitudes that are computed, with few significant
-    bits, uniform within two turns, and close to all multiples of pi/4."""
+    """Random angles: any encodings, all magnitudes that are computed, few significant bits,
+    uniform within two turns, and close to all multiples of pi/4."""
     rng = np.random.default_rng(seed)
     bits = rng.integers(0, (1 << fmt.width) - 1, count, dtype=np.uint64, endpoint=True)
     kept = rng.integers(0, fmt.fraction_width, count, endpoint=True, dtype=np.uint64)
@@ -92,7 +92,7 @@ def test_least_remainder():
     for exponent in range(8):
         angles = np.arange(1 << 10, 1 << 11) * 2.0 ** (exponent - 10)
         found = np.min(np.abs(angles - np.rint(angles / (np.pi / 2)) * (np.pi / 2)))
-        # Those of lesser exponents that the function counts in are no multiples of 2**(exponent - 10).
+        # The function includes numbers of smaller exponents, which are not multiples of 2**(exponent - 10).
         assert least_remainder(11, exponent) / 2.0**SCALE <= found * (1 + 1e-9)
     assert least_remainder(11, 7) / 2.0**SCALE == pytest.approx(abs(177.5 - 56.5 * np.pi), rel=1e-9)
 
@@ -111,7 +111,7 @@ def test_twin_shapes():
 
 @pytest.mark.parametrize("fmt", FORMATS.values(), ids=FORMATS)
 def test_special_values(fmt):
-    """Zeros keep their sign, tiny angles are their sines, and what cannot be reduced gives the NaN."""
+    """Zeros keep their sign, tiny angles equal their sines, and operands that cannot be reduced give NaN."""
     subnormal = float(fmt.from_bits(3))
     tiny = float(np.nextafter(fmt.dtype.type(2.0 ** -((fmt.precision + 1) // 2)), fmt.dtype.type(0)))
     kept = np.array([0.0, subnormal, 2.0 ** (1 - fmt.bias), tiny])
@@ -165,12 +165,12 @@ def test_accuracy(fmt, parameters, count):
         error = ulp_errors(fmt, got, wanted, sincos.error_bound)
         assert error.max() <= sincos.error_bound_ulp + ORACLE_ERROR * 2.0**fmt.precision
         worst = max(worst, error.max())
-    # The bound is no idle one: a part of what it allows before rounding is found.
+    # The bound is not much too large: a part of the error that it allows before rounding occurs.
     assert worst > 0.5 + sincos.error_bound / 20
 
 
 def test_accuracy_of_defaults():
-    """A bound that holds for these cases alone, well below the proven one, so as to notice a loss."""
+    """A bound for these cases alone, well below the proven one, to detect a loss of accuracy."""
     angle = np.random.default_rng(1971).uniform(-2 * np.pi, 2 * np.pi, 500_000).astype(np.float32)
     for got, function in zip(CordicSinCos(BINARY32).compute(angle), (np.sin, np.cos), strict=True):
         wanted = function(angle.astype(np.float64))
@@ -204,8 +204,8 @@ def test_circuit_equals_twin(fmt, parameters, count, models, tmp_path):
 @pytest.mark.parametrize("policy", ["gradual", "flush"])
 @pytest.mark.parametrize("rate", [0.1, 1.0])
 def test_handshake(policy, rate):
-    """Random starts, operands changing in every cycle: which are taken, when results come, and
-    that they hold."""
+    """Random starts, with operands that change in every cycle: checks the accepted starts, the time of
+    the results, and that results hold."""
     fmt = BINARY16.with_subnormals(policy)
     sincos = CordicSinCos(fmt)
     rng = np.random.default_rng(754)

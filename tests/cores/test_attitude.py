@@ -50,7 +50,7 @@ def circuit(models, make_core, tmp_path_factory):
 
 
 def random_inputs(name, count):
-    """Numbers of all magnitudes that sensors and matrices have; one vector in twenty is zero."""
+    """Numbers with all magnitudes of sensors and matrices; one vector in twenty is zero."""
     rng = np.random.default_rng(SEED)
     system = ATTITUDE_CORES[name](THESIS)
     ports = system.input_ports
@@ -161,22 +161,22 @@ def test_circuit_is_near_the_reference(circuit, name):
     count, system = 2000, circuit(name).core.system
     inputs = random_inputs(name, count)
     if name == "INS_euler":
-        # Angles need a rotation: take the matrices that INS_matx makes of unit quaternions.
+        # Angles need a rotation: use the matrices that INS_matx computes from unit quaternions.
         q = np.random.default_rng(SEED).standard_normal((count, 4))
         matx = circuit("INS_matx").core.system
         made = circuit("INS_matx").update(matx.bind(q=q / np.linalg.norm(q, axis=1, keepdims=True)))
         inputs = {port: made[port.replace("in", "out")].astype(float) for port in inputs}
-    # The reference gets the numbers as the circuit gets them.
+    # The reference gets the same rounded numbers as the circuit.
     inputs = {port: np.asarray(values, np.float32).astype(float) for port, values in inputs.items()}
     expected = module_outputs(name, system.read(inputs, system.inputs), THESIS)
     result = system.read(circuit(name).update(inputs))
     largest = np.max([np.abs(values).reshape(count, -1).max(axis=1) for values in expected.values()], axis=0)
     for output, values in expected.items():
-        # No output is a sum of more than 32 terms, none of them larger than some four times the
-        # largest output, and each is rounded a few times: 64 units of 2**-24 of it are never reached.
+        # No output is a sum of more than 32 terms. No term is larger than about four times the largest
+        # output, and each is rounded a few times: the error is always below 64 * 2**-24 of that output.
         error = np.abs(result[output] - values).reshape(count, -1)
         if output == "angles":
-            # An arctangent of rounded c's: 2**-24 radians over the length that the angle is seen at.
+            # An arctangent of rounded elements of C: 2**-24 radians over the length of their vector.
             c11, c12, c13, c23, c33 = inputs.values()
             seen = np.stack([np.sqrt(np.maximum(1 - c13**2, 0)), np.hypot(c23, c33), np.hypot(c11, c12)], axis=-1)
             error = np.minimum(error, 360 - error)

@@ -64,7 +64,7 @@ def test_an_update_takes_at_most_450_cycles(make_core):
 
 
 def strange_inputs(system, count):
-    """Samples of a body at rest, in motion, and of all that can go wrong."""
+    """Samples of a body at rest and in motion, and of all kinds of faults."""
     rng = np.random.default_rng(SEED)
     still = np.arange(count) % 2000 < 1200
     sensors = {}

@@ -1,4 +1,4 @@
-"""The operators under the vendor cores' names, all ten instantiated by RTL as the thesis writes it."""
+"""The operators under the vendor cores' names; RTL in the style of the thesis instantiates all ten."""
 
 import json
 import os
@@ -22,7 +22,7 @@ from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 SEED = 20150601
 ROWS = 4000
 
-# The thesis's latencies, of atan the one chosen here; the least; others, with less and more ranks.
+# The thesis's latencies, with the default for atan; the least; others, with fewer and more register ranks.
 LATENCIES = {
     "default": {"add": 11, "sub": 11, "mult": 6, "div": 28, "sqrt": 28, "equl": 2, "less": 2, "fl32tofi16": 6,
                 "fi16tofl32": 6, "atan": 20},
@@ -108,7 +108,7 @@ def stimulus(rows):
 
 
 def operands(name, rows):
-    """What ``compute`` takes, from encodings."""
+    """Operands for ``compute`` from encodings."""
     if name == "atan":
         return rows["x"].view(np.int16), rows["y"].view(np.int16)
     if name == "fi16tofl32":
@@ -117,7 +117,7 @@ def operands(name, rows):
 
 
 def encoded(name, results):
-    """Encodings of what ``compute`` gives."""
+    """Encodings of the results of ``compute``."""
     if VENDOR_OPERATORS[name].result.width == 32:
         assert results.dtype == np.float32
         return results.view(np.uint32).astype(np.uint64)
@@ -129,7 +129,7 @@ def computed(name, rows, **options):
 
 
 def expected(name, rows):
-    """Encodings of the results from NumPy's float64, which rounds a second time harmlessly."""
+    """Encodings of the results from NumPy's float64; the second rounding does not change them."""
     if name == "fi16tofl32":
         return (rows["fixed"].view(np.int16) / np.float32(8192)).view(np.uint32).astype(np.uint64)
     with np.errstate(all="ignore"):
@@ -185,7 +185,7 @@ def test_folder_holds_ten_files_with_descriptions(folder):
 
 
 def test_two_runs_give_equal_bytes(folder, tmp_path):
-    # Another process with another hash seed: no order may come from a hash.
+    # A second process with another hash seed: no order may depend on a hash.
     names = ("add", "less", "atan")
     script = ("import sys; from pathlib import Path; from strapdown.export import write;"
               "from strapdown.cores.operators import VendorOperator\n"
@@ -207,7 +207,7 @@ def test_table_in_the_documents(root):
         for kind in VENDOR_OPERATORS.values()]
 
 
-# Numbers.
+# Results.
 
 @pytest.mark.parametrize("name", [name for name in PORTS if name != "atan"])
 def test_twin_agrees_with_numpy(name):
@@ -215,7 +215,7 @@ def test_twin_agrees_with_numpy(name):
     np.testing.assert_array_equal(computed(name, rows), expected(name, rows))
 
 
-# Time.
+# Timing.
 
 @pytest.mark.verilator
 def test_one_operation_takes_exactly_its_latency(bank):
@@ -244,7 +244,7 @@ def test_one_operation_a_cycle(bank):
 
 @pytest.mark.verilator
 def test_stalls_and_clears(bank):
-    """Against a queue: ce moves it, sclr takes the operations back, whatever ce is, and moves nothing."""
+    """Against a model queue: ce advances it; sclr cancels the operations, with ce high or low, and advances nothing."""
     latencies, model = bank
     rng = np.random.default_rng(SEED)
     rows = stimulus(ROWS)

@@ -21,7 +21,7 @@ OPTIONS = {
 
 
 def stimulus(core, rng):
-    """Rates up to 2,000 deg/s in body axes, a load of a random attitude in one update of a hundred."""
+    """Rates up to 2,000 deg/s in body axes, and a load of a random attitude in one update in a hundred."""
     rates = {name: rng.uniform(-20, 20, (UPDATES, 3)) for name in core.system.inputs if name not in ("load", "start")}
     e = rng.standard_normal((UPDATES, 4))
     return core.system.bind(**rates, load=(rng.random(UPDATES) < 0.01).astype(float),
@@ -55,14 +55,14 @@ def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path, config):
     result = model.update(inputs)
     assert set(result["cycles"]) == {core.latency}
     assert model.differing_bits(inputs, result) == 0
-    # Between loads the circuit follows the exact rotation: no run of updates is longer than some thousand.
+    # Between loads the circuit follows the exact rotation: no run of updates is longer than about a thousand.
     q = core.system.read(result)["e"].astype(float)
     if not config.coning:
         fmt = config.pool.format
         rates = fmt.array(core.system.read(inputs, core.system.inputs)["omega"]).astype(float)
         truth = exact.product(q[:-1], exact.increment(rates[1:], config.period_s))
         going = fmt.array(inputs["in_load_en"])[1:] == 0
-        # As in tests/algorithms/test_quaternion.py, with one rounding more of a and d for a renormalised one.
+        # As in tests/algorithms/test_quaternion.py, with one more rounding of a and d if the update renormalises.
         bound = 4 * 2.0**-fmt.precision + config.coefficients.worst()[0]
         norm = np.linalg.norm(q[:-1], axis=-1, keepdims=True)
         ahead = truth / norm if config.renormalise_every else truth

@@ -24,14 +24,14 @@ ALIGNMENT = 40
 def stimulus(system):
     """A flight with sensor errors: noise before a load, an alignment, a take-off, a load in the air, a lost sample.
 
-    The samples are far apart in the flight, so that it comes to turns and climb in few updates.
+    The samples are far apart in the flight, so that it reaches turns and climb in few updates.
     """
     flight = airliner(rest_s=4)
     omega_b, f_b, truth = flight.sample(1.0)
     count = len(omega_b)
     omega_b = omega_b + sensor_errors(count, 1.0, constant=5e-6, white=1e-7, seed=1)
     f_b = f_b + sensor_errors(count, 1.0, constant=1e-4, white=5e-4, seed=2)
-    # The alignment stands on the first sample of the flight.
+    # The alignment uses the first sample of the flight.
     still = [0] * (ALIGNMENT + 10)
     omega_b, f_b = (np.concatenate((values[still], values)) for values in (omega_b, f_b))
     total = len(omega_b)
@@ -39,7 +39,7 @@ def stimulus(system):
     omega_b[800, 0] = 8.0
     load, align, velocity = np.zeros(total), np.zeros(total), np.zeros((total, 3))
     load[[5, 1000]] = align[5] = 1.0
-    # The last one is subnormal in binary64: no operator flushes a number that is only loaded.
+    # The last number is subnormal in binary64: no operator flushes a number that is only loaded.
     velocity[1000] = 0.0, 200.0, 1e-310
     values = {"omega": omega_b, "f": f_b, "load": load, "align": align, "start_v": velocity, "start_h": 150.0,
               "place": (flight.latitude_deg, flight.longitude_deg), "start_q": (2.0, 0.0, 0.0, -0.5),
@@ -81,7 +81,7 @@ def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path, config):
     status = {name: result["out_status"] >> bit & 1 for bit, name in enumerate(core.engine.status_names)}
     assert np.flatnonzero(status["aligning"]).tolist() == list(range(5, 5 + ALIGNMENT - 1))
     navigating = np.flatnonzero(status["navigating"])
-    # A refused update shows no other bit.
+    # A refused update sets no other bit.
     assert navigating[0] == 5 + ALIGNMENT - 1
     assert np.flatnonzero(status["refused"]).tolist() == [700]
     assert 800 in np.flatnonzero(status["out_of_range"])

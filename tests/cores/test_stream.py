@@ -1,4 +1,4 @@
-"""INS_top_x8: eight attitudes from one core, against one software twin a channel."""
+"""INS_top_x8: eight attitudes from one core, against one software twin per channel."""
 
 import re
 from dataclasses import replace
@@ -44,7 +44,7 @@ def model(core, verilog, models):
 
 
 def samples(core, count, seed=SEED):
-    """Channels in any order, and numbers of all magnitudes that sensors have; one vector in twenty is zero."""
+    """Channels in any order, and numbers with all magnitudes of sensors; one vector in twenty is zero."""
     rng = np.random.default_rng(seed)
     ports = core.system.input_ports
     values = rng.standard_normal((count, len(ports))) * 10 ** rng.uniform(-4, 4, (count, 1))
@@ -89,7 +89,7 @@ def test_bad_configurations_are_refused():
 @pytest.mark.verilator
 def test_any_order_any_subset_any_gap_is_the_twin_in_every_bit(model):
     channels, inputs, rng = samples(model.core, UPDATES)
-    # Phases in which few channels send anything, and gaps longer and shorter than an update.
+    # Phases in which only few channels send, and gaps longer and shorter than an update.
     half = UPDATES // 2
     channels[half:half + 2000] %= 2
     idle = np.where(rng.random(UPDATES) < 0.3, rng.integers(3 * model.core.engine.interval, size=UPDATES), 0)
@@ -143,7 +143,7 @@ def test_one_channel_waits_for_itself(model):
     count = 50
     _, inputs, _ = samples(model.core, count, SEED + 4)
     result = model.update(np.full(count, 5), inputs)
-    # Ready again at the first begin after its end.
+    # Ready again at the first start of an interval after the end of the update.
     waits = np.diff(result["taken"]) - model.core.latency
     assert ((waits >= 0) & (waits < model.core.engine.interval)).all()
     assert model.differing_bits(inputs, result) == 0
@@ -169,7 +169,7 @@ def test_differing_bits_are_counted(model):
     assert model.differing_bits(inputs, result) >= 1
 
 
-# With next-state values that are read again, a ROM in block RAM, and results that outlive several intervals.
+# With next-state values that are read again, a ROM in block RAM, and results that are kept for several intervals.
 STREAMED = {"flight": (FLIGHT.replace(channels=8), 210), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38)}
 
 

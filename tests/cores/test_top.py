@@ -1,4 +1,4 @@
-"""Wrappers around engines, written here and nowhere else: exported and run like a core."""
+"""Wrappers around engines, defined in these tests, and exported and run like a core."""
 
 import contextlib
 import json
@@ -19,7 +19,7 @@ from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
 @pytest.fixture(scope="module")
 def example(root, tmp_path_factory):
-    """What the example of docs/cores.md defines, and the folder in which it ran."""
+    """The names that the example of docs/cores.md defines, and the folder in which it ran."""
     section = (root / "docs" / "cores.md").read_text(encoding="utf-8").split("## From an engine to a module")[1]
     source, = re.findall(r"^```python\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
     folder, names = tmp_path_factory.mktemp("example"), {"__name__": "status_word"}
@@ -29,7 +29,7 @@ def example(root, tmp_path_factory):
 
 
 class StartOnEdge(Wrapper):
-    """Something that starts at each change of an input, instead of at a high level."""
+    """A wrapper that starts at each change of an input, in place of a high level."""
 
     def __init__(self, engine):
         super().__init__(engine, name=f"{engine.name}_edge", hidden=(engine.system.start,),
@@ -59,7 +59,7 @@ def test_a_wrapper_runs(example, make_core, models, tmp_path, module, config):
     except SimulatorMissingError as error:
         pytest.skip(str(error))
 
-    # Two updates, the second refused; the inputs are there at their starts only.
+    # Two updates, the second refused; the inputs are valid at their starts only.
     taken = np.array([5, 5 + engine.latency + 20])
     cycles = np.arange(taken[1] + engine.latency + 10)
     rng = np.random.default_rng(7)
@@ -90,7 +90,7 @@ def test_the_example_of_the_document_writes_a_module(example, make_core):
 
 
 class Described(Wrapper):
-    """A wrapper that tells more than the engine."""
+    """A wrapper with additional sections and facts."""
 
     def __init__(self, engine):
         super().__init__(engine, name="INS_matx_more", title="more of it",

@@ -13,7 +13,7 @@ TURN = "--rate-max 2000 --period 0.002"
 
 @pytest.fixture
 def run(tmp_path):
-    """Function from a line of options to exit status and output."""
+    """Function of a line of options that returns exit status and output."""
     def invoke(options):
         result = CliRunner().invoke(
             main, ["design", "quaternion", *options.split(), "--output", str(tmp_path / "errors.png")])

@@ -1,4 +1,4 @@
-"""The coefficients that kernels contain, made again and compared with float64's functions."""
+"""The coefficients in the kernels: computed again, and compared with the functions of float64."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def test_the_kernels_contain_what_the_design_gives():
 @pytest.mark.parametrize(("design", "function", "last"), [
     (arctangent_coefficients, np.arctan, 1.0), (sine_coefficients, np.sin, np.pi / 2)], ids=["arctangent", "sine"])
 def test_the_error_alternates_with_one_magnitude(design, function, last):
-    # Of a low order, so that float64 shows the error: one extreme more than there are coefficients, all alike.
+    # A low order, so that float64 resolves the error: it has one more extreme than coefficients, all of equal size.
     coefficients, told = design(2)
     t = np.linspace(0, last, 20_001)[1:]
     u = t * t

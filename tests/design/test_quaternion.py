@@ -31,7 +31,7 @@ def test_least_squares_takes_the_patents_sums_to_zero(order, largest):
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_minimax_error_alternates_between_order_plus_two_equal_extremes(order):
-    # The theorem of de la Vallee-Poussin: such a polynomial has the least largest error.
+    # By the theorem of de la Vallee-Poussin such a polynomial has the smallest maximum error.
     largest = 3.0
     x = np.linspace(0, largest, 20001)
     c = minimax(order, largest)
@@ -39,7 +39,7 @@ def test_minimax_error_alternates_between_order_plus_two_equal_extremes(order):
         runs = np.split(error, np.flatnonzero(np.diff(np.sign(error[1:]))) + 2)
         extremes = [abs(run).max() for run in runs if run.size > 1]
         assert len(extremes) == order + 2
-        # The grid's share of the error, 1e-4, and float64 against an error of 1e-9 at order 5.
+        # The relative error of the grid, 1e-4, and float64 against an error of 1e-9 at order 5.
         np.testing.assert_allclose(extremes, extremes[0], rtol=1e-3)
 
 
@@ -68,7 +68,7 @@ def test_minimax_is_never_worse_in_its_own_measure():
 
 
 def test_errors_far_below_float64_are_told():
-    # Order 4 at 0.07 rad: the first term left out, (x/2)^10/10!, is 7e-22; float64 ends at 1e-16.
+    # Order 4 at 0.07 rad: the first omitted term, (x/2)^10/10!, is 7e-22; float64 resolves only 1e-16.
     c = least_squares(4, 0.07)
     half = Fraction(0.07) / 2
     left_out = half**10 / factorial(10)

@@ -1,4 +1,4 @@
-"""The Verilog is that of Amaranth's own Yosys, whatever is on PATH."""
+"""The Verilog comes from Amaranth's built-in Yosys, for any PATH."""
 
 import os
 import re
@@ -34,7 +34,7 @@ def test_a_newer_yosys_on_path_changes_nothing(tmp_path, monkeypatch):
                        capture_output=True)
         written[name] = [(tmp_path / name / f"INS_matx.{suffix}").read_bytes() for suffix in ("v", "json")]
     assert written["with"] == written["without"]
-    # Left to itself, Amaranth takes the one on PATH.
+    # By default, Amaranth takes the Yosys on PATH.
     monkeypatch.setenv("PATH", search := f"{fake.parent}{os.pathsep}{path}")
     monkeypatch.delenv("AMARANTH_USE_YOSYS", raising=False)
     assert find_yosys(lambda version: True).version() == (0, 99, 0), search
@@ -101,7 +101,7 @@ class Choice(wiring.Component):
 def test_combinational_blocks_run_at_time_zero(tmp_path, language):
     if missing := icarus_missing():
         pytest.skip(missing)
-    # Nothing in the bench ever changes: no event but that of the file itself starts the block.
+    # Nothing in the bench changes, so only an event of the file itself can start the block.
     (tmp_path / "bench.v").write_text(to_verilog(Choice(), "top") + """
 module bench;
   reg choose = 0;

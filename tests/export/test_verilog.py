@@ -18,7 +18,7 @@ from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_
 
 @pytest.fixture(scope="module")
 def folder(make_core, tmp_path_factory):
-    """All modules of configuration thesis, written as `make verilog` writes them."""
+    """All modules of configuration thesis, written like `make verilog`."""
     folder = tmp_path_factory.mktemp("thesis")
     for name in ATTITUDE_CORES:
         write_core(make_core(name, THESIS), THESIS, folder, f"strapdown generate --config thesis --module {name}")
@@ -52,7 +52,7 @@ def test_names_are_plain(folder, name):
     code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
     assert "\\" not in code
     assert "$" not in code.replace("$signed(", "")
-    # What a memory is made of is all that attributes tell: Vivado, ISE and Yosys know these.
+    # The attributes only select the kind of memory; Vivado, ISE and Yosys support these.
     assert set(re.findall(r"\(\*.*?\*\)", code)) <= {'(* rom_style = "block" *)', '(* ram_style = "distributed" *)'}
     declared = set(re.findall(r"^\s*(?:input|output|wire|reg)\s+(?:\[\d+:\d+\]\s*)?(\w+)", code, re.MULTILINE))
     assert declared
@@ -84,7 +84,7 @@ def test_nothing_names_the_machine(folder, name):
 
 
 def test_two_runs_give_equal_bytes(folder, tmp_path):
-    # Another process with another hash seed: no order may come from a hash.
+    # A second process with another hash seed: no order may depend on a hash.
     script = ("import sys; from pathlib import Path; from strapdown.cli import main;"
               "main(['generate', '--module', 'INS_top', '--module', 'INS_mag', '--output', sys.argv[1]])")
     subprocess.run([sys.executable, "-c", script, str(tmp_path)], check=True, stdout=subprocess.DEVNULL,

@@ -1,7 +1,7 @@
-"""The operations by the letter of IEEE 754, on fractions of Python integers: slow, and short.
+"""The operations exactly as in IEEE 754, on fractions of Python integers: slow, and short.
 
-A number is a ``Datum``; an operation gives (encoding, flags). Nothing here knows how the package
-computes: of the format only widths and policy are read.
+A number is a ``Datum``; an operation gives (encoding, flags). This module is independent of the
+package's algorithms: it reads only widths and policy of the format.
 """
 
 import math
@@ -20,7 +20,7 @@ def two_to(exponent):
 
 @dataclass(frozen=True)
 class Datum:
-    """What an encoding stands for; ``value`` is None for infinities and NaNs."""
+    """Meaning of an encoding; ``value`` is None for infinities and NaNs."""
 
     negative: bool
     value: Fraction | None
@@ -95,7 +95,7 @@ def rounded(fmt, x, rounding):
         return to_integer(x / unit, rounding) * unit
 
     exponent = binade(abs(x))
-    # As if the exponent had no bounds, which tells overflow, and tininess after rounding.
+    # Rounded with an unbounded exponent, to detect overflow, and tininess after rounding.
     unbounded = on_grid(exponent)
     if abs(unbounded) > largest:
         to_infinity = {"upward": not negative, "downward": negative, "toward_zero": False}.get(rounding, True)
@@ -115,7 +115,7 @@ def finish(fmt, x, rounding, negative_zero):
 
 
 def of_nans(fmt, *operands):
-    """The answer to NaN operands, or None if there is none."""
+    """The result for NaN operands, or None if no operand is NaN."""
     if any(operand.nan for operand in operands):
         return nan(fmt), INVALID * any(operand.signalling for operand in operands)
     return None
@@ -165,8 +165,8 @@ def divide(fmt, a, b, rounding):
 
 
 def bracketed_root(x, bits):
-    """The square root of a fraction if it is one, else a fraction of which no more than ``bits``
-    leading bits agree with a number of so few bits: the root cut off, and half a unit more."""
+    """The square root of a fraction if it is a fraction. Else the root, cut off to more than ``bits``
+    bits, plus half a unit, so that it is not equal to a number of ``bits`` bits."""
     exponent = binade(x) // 2 - bits
     scaled = x / Fraction(4) ** exponent
     root = math.isqrt(math.floor(scaled))

@@ -1,9 +1,9 @@
 """Stimuli, expectations and circuits for the tests of the floating-point operators.
 
-Numbers travel as encodings, uint64 arrays. Expectations are made here from the definition of the
-formats, in float64, and share no code with the operators' ``compute``: a sum, product, quotient
-or root rounded to float64 and then to a precision p with 2p + 2 <= 53 is rounded correctly
-(S. A. Figueroa, When is double rounding innocuous?, 1995); binary64 itself is NumPy's.
+Numbers are encodings, uint64 arrays. Expected results are computed here from the definition of the
+formats, in float64, and share no code with the operators' ``compute``. A sum, product, quotient
+or root that is rounded to float64, and then to a precision p with 2p + 2 <= 53, is correctly rounded
+(S. A. Figueroa, When is double rounding innocuous?, 1995). For binary64, NumPy computes them.
 """
 
 from fractions import Fraction
@@ -23,7 +23,7 @@ from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 VECTORS = Path(__file__).resolve().parents[3] / "shared" / "vectors" / "testfloat"
 
 FLOAT8 = FloatFormat(4, 3)
-# So few exponents that even a square root may be subnormal.
+# The exponent range is so small that even a square root may be subnormal.
 NARROW = FloatFormat(3, 4)
 BFLOAT16 = FloatFormat(8, 7)
 FORMATS = {f"{name}_{policy}": fmt.with_subnormals(policy)
@@ -47,18 +47,18 @@ def is_nan(fmt, encodings):
 
 
 def canonical(fmt, encodings):
-    """Every NaN replaced by the format's one."""
+    """Every NaN replaced by the format's NaN."""
     return np.where(is_nan(fmt, encodings), np.uint64(fmt.nan), encodings)
 
 
 def flushed(fmt, encodings):
-    """What an operator sees of its operands: no subnormals, if that is the policy."""
+    """Operands after flushing, if that is the policy."""
     tiny = magnitude(fmt, encodings) < np.uint64(fmt.least_normal)
     return np.where(tiny & (not fmt.gradual), encodings & sign_bit(fmt), encodings)
 
 
 def decode(fmt, encodings):
-    """The numbers that an operator sees, as float64."""
+    """Operands after flushing, as float64."""
     encodings = flushed(fmt, np.asarray(encodings, dtype=np.uint64))
     if fmt.width == 64:
         return encodings.view(np.float64)
@@ -78,7 +78,7 @@ def encode(fmt, numbers):
     exponent = np.where(size == 0, 1, np.maximum(np.frexp(size)[1].astype(np.int64) - 1 + fmt.bias, 1))
     with np.errstate(all="ignore"):
         ulps = np.rint(np.ldexp(size, fmt.bias + fmt.fraction_width - exponent))
-        # Counted on from the binade's first encoding, ulps run over into the next binade.
+        # The ulps are added to the first encoding of the binade, so a carry leads into the next binade.
         result = ((exponent - 1) << fmt.fraction_width) + np.where(np.isfinite(ulps), ulps, 0).astype(np.int64)
     result = np.where(np.isinf(size) | (result > fmt.infinity), fmt.infinity, result)
     if not fmt.gradual:
@@ -89,8 +89,8 @@ def encode(fmt, numbers):
 def expected(fmt, operation, *operands, exact=None):
     """Encodings of ``operation`` on the operands' numbers.
 
-    binary64 is NumPy's own arithmetic; there ``exact``, the operation on Fractions, says on which
-    side of the least normal number a result lies that was rounded to it.
+    For binary64, NumPy computes them. If a result was rounded to the least normal number, ``exact``,
+    the operation on Fractions, decides on which side of it the exact result lies.
     """
     numbers = [decode(fmt, operand) for operand in operands]
     with np.errstate(all="ignore"):
@@ -119,7 +119,7 @@ def specials(fmt):
 
 
 def random_numbers(fmt, count, rng):
-    """Random encodings: uniform, subnormal or nearly so, of few significant bits, and special."""
+    """Random encodings: uniform, near the subnormal range, of few significant bits, and special."""
     uniform = rng.integers(0, 1 << fmt.width, count, dtype=np.uint64) if fmt.width < 64 else \
         rng.integers(0, 1 << 64, count, dtype=np.uint64)
     small = uniform & (sign_bit(fmt) | np.uint64((4 << fmt.fraction_width) - 1))
@@ -130,15 +130,15 @@ def random_numbers(fmt, count, rng):
 
 
 def with_exponent(fmt, encodings, exponent):
-    """The same signs and fractions under other biased exponents, limited to those of numbers."""
+    """The same signs and fractions with other biased exponents, limited to those of finite numbers."""
     kept = encodings & (sign_bit(fmt) | np.uint64(fmt.least_normal - 1))
     limited = np.clip(exponent, 0, fmt.exponent_special - 1).astype(np.uint64)
     return kept | limited << np.uint64(fmt.fraction_width)
 
 
 def random_pairs(fmt, count, rng):
-    """Random pairs: independent, all pairs of special ones, near cancellation, of results near
-    the ends of the range under addition, multiplication and division."""
+    """Random pairs: independent, all pairs of special numbers, pairs near cancellation, and pairs whose sums,
+    products or quotients are near the ends of the range."""
     a, b = random_numbers(fmt, count, rng), random_numbers(fmt, count, rng)
     corner = specials(fmt)
     crossed = np.array(np.meshgrid(corner, corner)).reshape(2, -1)[:, :count]
@@ -192,7 +192,7 @@ def vectors(name):
 # Circuits.
 
 class Bank(wiring.Component):
-    """Several operators side by side in one Verilated model, with common operands and start.
+    """Several operators in one Verilated model, with common operands and start.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class Bank(wiring.Component):
         return m
 
     def build(self, models, directory):
-        """Translate and compile into ``models``; skips the test where that is not possible."""
+        """Translate and compile into ``models``; skips the test if that is not possible."""
         source = directory / "bank.v"
         source.write_text(verilog.convert(self, name="bank", emit_src=False))
         interface = Interface("bank", self._inputs, self._outputs, reset="rst", reset_active=1)
@@ -245,7 +245,7 @@ class Bank(wiring.Component):
                 for name, op in self.operators.items()}
 
     def run(self, **operands):
-        """Every operator's results for rows of operands, started as fast as the slowest allows.
+        """Every operator's results for rows of operands, started as often as the slowest operator allows.
 
         Asserts ``done`` in every cycle: neither early nor late. Operands are inverted between starts.
         Returns name to member to array.
@@ -274,9 +274,9 @@ class Bank(wiring.Component):
                        for member in pieces[0][name]} for name in self.operators}
 
     def check(self, fmt, wanted, flags=None, **operands):
-        """Assert the results of circuits and twins against encodings: of all operators of this
-        format that take exactly these operands. With ``flags``, assert those of the operators
-        that have them."""
+        """Compare the results of circuits and twins with encodings, for all operators of this
+        format that have exactly these operands. With ``flags``, also compare the flags of the
+        operators that have them."""
         results = self.run(**operands)
         chosen = {name: op for name, op in self.operators.items()
                   if op.format == fmt and inputs(op) == {*operands, "start"}}
@@ -291,9 +291,9 @@ class Bank(wiring.Component):
                 assert_equal(f"{name}, flags of twin", op.compute_flags(**numbers), flags, operands)
 
     def check_handshake(self, rng, **operands):
-        """Start at random, operands changing in every cycle: assert ``done`` and the results.
+        """Random starts, with operands that change in every cycle: assert ``done`` and the results.
 
-        A start is to be ignored while an iterative operator is busy; its result holds.
+        An iterative operator must ignore a start while it is busy; its result holds.
         """
         start = (rng.random(len(next(iter(operands.values())))) < 0.6).astype(np.uint64)
         results = self.run(**operands)
@@ -305,7 +305,7 @@ class Bank(wiring.Component):
                     accepted[cycle], free = 1, cycle + op.interval
             done = delayed(accepted, op.latency)
             np.testing.assert_array_equal(answer[name].pop("done"), done, err_msg=name)
-            # The row whose result stands at the output, by the latest done; before it, none.
+            # The row of the result at the output, from the latest done; none before the first done.
             latest = np.maximum.accumulate(np.where(done, np.arange(len(done)), -1))
             seen = latest >= 0 if op.interval > 1 else done.astype(bool)
             for member, values in answer[name].items():

@@ -23,7 +23,7 @@ def bank(models, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def directed(models, tmp_path_factory):
-    """Every rounding, with flags; every depth among them."""
+    """Every rounding, with flags; all depths occur."""
     operators = {f"{name}_{rounding.value}": FpAdd(FORMATS[name], latency=1 + (3 * place + shift) % 8,
                                                    rounding=rounding, flags=True)
                  for shift, name in enumerate(("binary32_gradual", "binary32_flush"))

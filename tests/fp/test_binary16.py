@@ -1,4 +1,4 @@
-"""Ten million pairs of binary16 numbers, circuits against float64 arithmetic rounded once.
+"""Ten million pairs of binary16 numbers: circuits against float64 arithmetic, rounded once.
 
 A sum, product or quotient of binary16 numbers, rounded to float64, is rounded correctly to
 binary16: 53 >= 2 * 11 + 2 (S. A. Figueroa, When is double rounding innocuous?, 1995).

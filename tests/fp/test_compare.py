@@ -32,7 +32,7 @@ def single(models, tmp_path_factory):
 
 
 def check(bank, fmt, relations, **operands):
-    """Assert the relations that are given, of circuits and twin."""
+    """Compare the given relations with those of circuits and twin."""
     results = bank.run(**operands)
     for name, compare in bank.operators.items():
         if compare.format != fmt:

@@ -110,12 +110,12 @@ def test_to_fixed(to_fixed, shape):
     convert, rng = to_fixed.operators[name_of(*shape)], np.random.default_rng(1)
     a = numbers_for(fmt, rng)
     if fmt.width > 16:
-        # Most of a float's range lies far outside a fixed-point number's.
+        # Most of the range of a float is far outside the range of a fixed-point number.
         exponent = fmt.bias - fraction_bits + rng.integers(-3, width + 3, len(a))
         a = np.where(rng.random(len(a)) < 0.8, with_exponent(fmt, a, exponent), a)
     result = as_signed(to_fixed.run(a=a)[name_of(*shape)]["result"], width)
 
-    # Ties to even by integers: twice the number, cut off, tells which side of a half it is on.
+    # Ties to even by integers: twice the number, cut off, decides on which side of a half it is.
     least, largest = -(1 << width - 1), (1 << width - 1) - 1
     numbers = decode(fmt, a)
     with np.errstate(all="ignore"):
@@ -132,7 +132,7 @@ def test_to_fixed(to_fixed, shape):
 def test_to_float(to_float, shape):
     fmt, width, fraction_bits, _ = shape
     convert, rng = to_float.operators[name_of(*shape)], np.random.default_rng(1)
-    # All magnitudes equally often, and the ends of the range.
+    # All magnitudes with equal frequency, and the ends of the range.
     count = 1_000_000
     operand = rng.integers(-(1 << width - 1), 1 << width - 1, count) >> rng.integers(0, width, count)
     operand[:6] = 0, 1, -1, (1 << width - 1) - 1, -(1 << width - 1), -(1 << width - 1) + 1

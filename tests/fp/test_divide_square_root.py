@@ -23,7 +23,7 @@ from .support import (
 )
 
 FLUSH = BINARY32.with_subnormals("flush")
-# Bits in a cycle of the pipelined circuits.
+# Bits per cycle of the pipelined circuits.
 PIPELINED = {"float8_gradual": 2, "bfloat16_gradual": 4, "binary16_gradual": 4, "binary16_flush": 5,
              "binary32_gradual": 8, "binary32_flush": 2}
 
@@ -39,7 +39,7 @@ def pipelined(models, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shared(models, tmp_path_factory):
-    """The circuit that cores are made of: few kinds, many cases."""
+    """The circuit that cores use: few variants, many cases."""
     operators = {"gradual": FpDivideSquareRoot(BINARY32), "flush": FpDivideSquareRoot(FLUSH),
                  "flags": FpDivideSquareRoot(BINARY32, bits_per_cycle=3, flags=True),
                  "flush_3": FpDivideSquareRoot(FLUSH, bits_per_cycle=3)}
@@ -182,7 +182,7 @@ def test_quotients_beside_the_least_normal_number(iterative, name):
     wanted = quotients(fmt, a, b)
     iterative.check(fmt, wanted, a=a, b=b, square_root=np.zeros_like(a))
     if not fmt.gradual:
-        # The rounded quotient alone does not tell which results are to be flushed.
+        # The rounded quotient alone does not determine which results must be flushed.
         with np.errstate(all="ignore"):
             rounded = fmt.to_bits(fmt.from_bits(a) / fmt.from_bits(b)) & ~sign_bit(fmt)
         assert ((rounded == fmt.least_normal) & (wanted & ~sign_bit(fmt) == 0)).any()

@@ -1,5 +1,5 @@
-"""Every operand of an 8-bit format, every pair, every rounding, both policies: results and flags,
-circuits and twins, against fractions of Python integers."""
+"""Every operand or pair of operands of an 8-bit format, every rounding, both policies: results and flags of
+circuits and twins against fractions of Python integers."""
 
 from fractions import Fraction
 from functools import cache
@@ -32,11 +32,11 @@ A, B = (rows.ravel() for rows in np.meshgrid(*2 * (np.arange(256),)))
 OPERANDS = np.arange(256)
 FIXED = (7, 4), (3, 0)
 FIXED_OPERANDS = np.arange(-(1 << 11), 1 << 11)
-# Differences are the same numbers as sums.
+# Differences give the same numbers as sums.
 rounded = cache(oracle.rounded)
 
 PLAIN = {"flags", "bits_per_cycle", "fraction_bits"}
-"""Parameters in which the variants of an operator do not differ."""
+"""Parameters that are equal in all variants of an operator."""
 
 
 def word(name, value):
@@ -52,7 +52,7 @@ def key(make, policy, *words):
 
 @pytest.fixture(scope="module")
 def results(models, tmp_path_factory):
-    """What every circuit makes of all pairs, twice: then with all one-bit inputs set."""
+    """Results of every circuit for all pairs, twice: the second time with all one-bit inputs set."""
     operators = {}
     for entry in OPERATORS:
         for variants in entry.tried:
@@ -68,7 +68,7 @@ def results(models, tmp_path_factory):
 
 
 def test_every_operator_of_the_list_is_checked():
-    """An operator that the list gives variants of 8 bits needs an oracle here."""
+    """Every operator with variants of 8 bits in the list needs an oracle here."""
     assert {entry.component for entry in OPERATORS if entry.tried} == {
         FpAdd, FpMultiply, FpDivide, FpDivideSquareRoot, FpReciprocalSquareRoot, FpToFixed, FixedToFp, FpToFp,
         FpCompare, FpRelation, FpMinMax}
@@ -142,7 +142,7 @@ def test_single_operands(results, policy, rounding):
         name = key(make, policy, rounding, *words)
         return name, *results[name]
 
-    # ``a`` runs fastest: the first 256 rows have every one of its encodings.
+    # ``a`` changes fastest: the first 256 rows have all its encodings.
     check(*of(FpDivideSquareRoot), len(A), [oracle.square_root(fmt, x, rounding) for x in data], numbers, numbers, True)
     check(*of(FpReciprocalSquareRoot), 0, [oracle.reciprocal_square_root(fmt, x, rounding) for x in data], numbers)
     for width, fraction_bits in FIXED:

@@ -1,4 +1,4 @@
-"""Lesser and greater: circuits and twin against the order of the encodings and against NumPy."""
+"""Minimum and maximum: circuits and twin against the order of the encodings and against NumPy."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def bank(models, tmp_path_factory):
 
 
 def rank_of(fmt, encodings):
-    """Place of a number in the order of all, -0 below +0: an integer."""
+    """Rank of a number in the order of all numbers, with -0 below +0, as an integer."""
     encodings = flushed(fmt, encodings)
     size = magnitude(fmt, encodings).astype(np.int64)
     return np.where(encodings & sign_bit(fmt), ~size, size)

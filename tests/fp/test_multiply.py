@@ -96,7 +96,7 @@ def test_products_beside_the_least_normal_number(bank, name):
     wanted = expected(fmt, np.multiply, a, b, exact=operator.mul)
     bank.check(fmt, wanted, a=a, b=b)
     if not fmt.gradual:
-        # The rounded product alone does not tell which results are to be flushed.
+        # The rounded product alone does not determine which results must be flushed.
         rounded = fmt.to_bits(fmt.from_bits(a) * fmt.from_bits(b)) & ~sign_bit(fmt)
         assert ((rounded == fmt.least_normal) & (wanted & ~sign_bit(fmt) == 0)).any()
 

@@ -10,13 +10,13 @@ from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat, FpReciprocal
 from .support import FORMATS, Bank, assert_equal, decode, random_numbers, sign_bit, specials
 
 FLUSH = BINARY32.with_subnormals("flush")
-# So much fraction and so little range that the roots of small subnormals overflow.
+# The fraction is so wide and the range so small that the reciprocal roots of small subnormals overflow.
 LONG = FloatFormat(3, 12)
 
 
 @pytest.fixture(scope="module")
 def fast(models, tmp_path_factory):
-    """Few cycles, for many cases."""
+    """A circuit with few cycles, for many cases."""
     operators = {"gradual": FpReciprocalSquareRoot(BINARY32, bits_per_cycle=8),
                  "flush": FpReciprocalSquareRoot(FLUSH, bits_per_cycle=7)}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
@@ -24,7 +24,7 @@ def fast(models, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def bank(models, tmp_path_factory):
-    """All formats, and counts of bits that divide the precision or do not."""
+    """All formats, with bits per cycle that divide the precision and that do not."""
     bits = {"float8_gradual": 4, "narrow_gradual": 1, "binary16_gradual": 1, "binary32_gradual": 3,
             "binary64_gradual": 5, "binary64_flush": 5}
     operators = {name: FpReciprocalSquareRoot(fmt, bits_per_cycle=bits.get(name, 2)) for name, fmt in FORMATS.items()}
@@ -47,7 +47,7 @@ def reciprocal_roots(fmt, a):
     fraction, exponent = np.frexp(numbers[usable])
     odd = exponent % 2 == 0
     x = np.ldexp(fraction, fmt.precision).astype(np.int64) << odd
-    # Never a tie: a root of so few bits, other than one, would have a square of too many.
+    # A tie never occurs: except for one, the square of a root with so few bits would have too many bits.
     rounded = (isqrt((1 << 3 * fmt.precision + 1) // x.astype(object)) + 1).astype(np.int64) >> 1
     stored = fmt.bias - 1 - (exponent - 1 - odd) // 2
     encodings = ((stored.astype(np.int64) - 1) << fmt.fraction_width) + rounded
@@ -56,7 +56,7 @@ def reciprocal_roots(fmt, a):
 
 
 def check(bank, a):
-    """Assert the results of every circuit and twin; each takes as many low bits as it has."""
+    """Compare the results of every circuit and twin; each takes as many low bits as its format has."""
     results = bank.run(a=a)
     for name, root in bank.operators.items():
         fmt = root.format
@@ -98,7 +98,7 @@ def test_all_short_operands(bank):
 @pytest.mark.verilator
 @pytest.mark.parametrize("fmt", [BINARY32, BINARY64], ids=lambda fmt: fmt.name)
 def test_long_operands(bank, fmt):
-    # Powers of two and their neighbours, where a result is exact or next to that.
+    # Powers of two and their neighbours, where a result is exact or nearly exact.
     exponents = np.arange(fmt.exponent_special, dtype=np.uint64) << np.uint64(fmt.fraction_width)
     beside = (exponents[:, None] + np.arange(-2, 3).astype(np.uint64)).ravel()
     check(bank, np.concatenate([specials(fmt), beside, random_numbers(fmt, 10_000, np.random.default_rng(4))]))

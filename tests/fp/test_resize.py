@@ -18,7 +18,7 @@ from .support import (
     with_exponent,
 )
 
-# More fraction than the widest standard type, and hardly any range: always exact, or nearly never.
+# A wider fraction than the widest standard type, and a very small range: conversions are always or almost never exact.
 LONG = FloatFormat(3, 40)
 
 
@@ -67,7 +67,7 @@ def test_numbers(bank, source):
     rng = np.random.default_rng(1)
     a = numbers_for(source, rng)[:100_000]
     if source.width > 16:
-        # Both ends of a smaller format's range, far inside this one's; LONG's is shorter yet.
+        # Both ends of a smaller format's range, far inside this range; the range of LONG is even smaller.
         reach = rng.choice([4, 30, 155], len(a))
         near = with_exponent(source, a, source.bias + rng.integers(-reach, reach))
         a = np.where(rng.random(len(a)) < 0.7, near, a)

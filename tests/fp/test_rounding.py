@@ -25,7 +25,7 @@ from .support import BFLOAT16, Bank, assert_equal, random_numbers, random_pairs,
 
 WIDTHS = [BINARY16, BINARY32, BINARY64, BFLOAT16, FloatFormat(6, 9), FloatFormat(3, 40), FloatFormat(2, 1)]
 ALL = [fmt.with_subnormals(policy) for fmt in WIDTHS for policy in ("gradual", "flush")]
-# One direction, one policy: the pairs of both are tried in all combinations in eight bits.
+# One direction per policy: the tests with eight bits try all combinations.
 POLICIES = dict(zip(Rounding, ("flush", "gradual", "flush", "gradual", "flush"), strict=True))
 FIXED = [(8, 3), (32, 29), (64, 20), (100, 70)]
 
@@ -64,7 +64,7 @@ def assert_twin(name, fmt, answer, wanted, *operands):
 @pytest.mark.parametrize("fmt", ALL, ids=lambda fmt: f"{fmt.name}_{fmt.subnormals.value}")
 def test_twins(fmt):
     rng, count = np.random.default_rng(11), 150
-    # The pairs of special numbers, which come first, are tried in eight bits.
+    # The tests with eight bits try the pairs of special numbers, which come first.
     a, b = (rows[-count:].tolist() for rows in random_pairs(fmt, 900 + count, rng))
     single = random_numbers(fmt, count, rng).tolist()
     x, y, z = (fmt.from_bits(rows) for rows in (a, b, single))
@@ -131,7 +131,7 @@ def test_circuits(bank):
     a, b = random_pairs(BINARY32, count, rng)
     near = with_exponent(BINARY32, a, BINARY32.bias + rng.integers(-30, 50, count))
     a = np.where(rng.random(count) < 0.3, near, a)
-    # Roots and quotients that are exact, or nearly so.
+    # Roots and quotients that are exact or nearly exact.
     short = rng.integers(1, 1 << 12, count).astype(np.float32)
     squares = BINARY32.to_bits(short * short).astype(np.uint64) + rng.choice(2, count, p=(0.8, 0.2)).astype(np.uint64)
     a = np.where(rng.random(count) < 0.1, squares, a)

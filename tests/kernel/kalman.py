@@ -16,7 +16,7 @@ def kalman_graph(pool, *, states=13, measurements=7):
     """Graph of ``x, P = update(x, P, F, z)``, with ``P`` symmetric and ``F`` from the inputs.
 
     P is propagated as F P Fᵀ + Q; each measurement is of one state, with a division, and a root that limits its
-    innovation. With the default sizes there are some 3,500 operations.
+    innovation. With the default sizes the graph has about 3,500 operations.
     """
     xp, names = Tracer(pool, ("PREDICT", "CORRECT")), range(states)
     transition = [[xp.source("input", f"f{row}_{column}") if abs(row - column) < 3 else None for column in names]

@@ -78,7 +78,7 @@ def test_bounds_count_results_on_the_bus(pool):
     first, *others = [xp.source("input", port) for port in ports]
     graph = xp.graph(inputs=tuple(ports), outputs={
         f"y{index}": xp.settled(first * value) for index, value in enumerate(others)})
-    # All inputs and products pass the bus, one a cycle; the first input is there after a cycle.
+    # All inputs and products use the bus, one per cycle; the first input is ready after a cycle.
     bounds = Problem(graph, UpdateMachine(pool)).lengths()
     assert bounds["result bus"] == 1 + 20 + 19
     assert bounds["result bus"] == max(bounds.values()) <= list_schedule(graph, UpdateMachine(pool)).length
@@ -92,5 +92,5 @@ def test_bounds_count_results_on_both_buses():
     nodes = len(Problem(graph, machine).nodes)
     assert nodes // 2 < bounds["pair of buses"] < nodes
     assert max(bounds.values()) <= result.length
-    # With one bus there is no pair.
+    # With one bus, a bound for the pair of buses does not exist.
     assert "pair of buses" not in Problem(graph, UpdateMachine(replace(pool, side_memory=False))).lengths()

@@ -1,4 +1,4 @@
-"""Modulo scheduling: every resource is used once a cycle, whatever updates overlap."""
+"""Modulo scheduling: every resource is used at most once per cycle, for all overlaps of updates."""
 
 from collections import Counter
 from dataclasses import replace
@@ -34,7 +34,7 @@ def schedule(graph):
 
 
 def test_updates_that_overlap_never_meet(schedule):
-    # Twelve updates are laid over each other, cycle by cycle, from the steps alone.
+    # Twelve updates are superimposed, cycle by cycle, from the steps alone.
     units = {unit.name: unit for unit in POOL.units}
     taken = Counter()
     for update in range(12):
@@ -84,7 +84,7 @@ def test_equal_on_every_run(small):
 def test_a_step_out_of_place_is_found(small, change, message):
     index, step = max(((index, step) for index, step in enumerate(small.steps) if step.unit == "multiplier"),
                       key=lambda pair: pair[1].issue)
-    # Right before the operand can be read, so that one cycle earlier is one too early.
+    # At the first cycle in which the operand can be read, so that one cycle earlier is too early.
     issue = max(small.written[operand.node] for operand in step.node.operands if operand.node in small.written) + 2
     steps = list(small.steps)
     placed = replace(step, issue=issue, write=issue + step.write - step.issue)
@@ -114,7 +114,7 @@ def test_the_shortest_interval_is_found_again(small):
 
 
 def test_an_interval_without_a_schedule_is_refused():
-    # The multiplier would be free in no cycle, and the two buses in a single one.
+    # The multiplier would be busy in every cycle, and the two buses in all cycles but one.
     graph = quat_direct(QUATERNION_J3).trace(POOL)
     assert max(Problem(graph, MACHINE).intervals().values()) == 38
     with pytest.raises(ValueError, match=r"^interval must be longer than 38: no schedule was found$"):

@@ -1,4 +1,4 @@
-"""Compiled kernels: every operation, long runs, refused updates, against the twin; and what has no form in C."""
+"""Compiled kernels: every operation, long runs and refused updates against the twin; and unsupported systems."""
 
 from dataclasses import dataclass, field, replace
 
@@ -41,7 +41,7 @@ def assert_equal(fmt, got, wanted):
 @pytest.mark.parametrize("policy", ["gradual", "flush"])
 @pytest.mark.parametrize("plain", [BINARY32, BINARY64], ids=["binary32", "binary64"])
 def test_every_operation_in_every_bit(plain, policy):
-    """Random encodings, all pairs of special ones, and results around the least normal number."""
+    """Random encodings, all pairs of special numbers, and results around the least normal number."""
     fmt, rng = plain.with_subnormals(policy), np.random.default_rng(1)
     special = [sign << fmt.width - 1 | value for sign in (0, 1) for value in (
         0, 1, fmt.least_normal - 1, fmt.least_normal, fmt.least_normal + 1, fmt.bias << fmt.fraction_width,
@@ -72,12 +72,12 @@ def test_every_operation_in_every_bit(plain, policy):
 
 @pytest.mark.parametrize("config", [QUATERNION_J3, THESIS_COMPACT], ids=lambda config: config.name)
 def test_long_run_is_that_of_the_twin(config):
-    """From reset, with numbers that are not finite among the inputs, and again from where the run ended."""
+    """From reset, with NaN and infinity among the inputs, and a second run from the end of the first."""
     system, fmt, rng = system_of(main_module(config), config), config.pool.format, np.random.default_rng(2)
     inputs = {port: fmt.array(rng.standard_normal(300)) for port in system.input_ports}
     if "in_load_en" in inputs:
         inputs["in_load_en"] = fmt.array(-(rng.random(300) < 0.05).astype(float))
-    # In row 70 without a field and at rest, so that status bits would rise.
+    # Row 70 has no field and is at rest, so that status bits would be set.
     for port in system.input_ports:
         inputs[port][70] = 0
     inputs[system.input_ports[0]][5], inputs[system.input_ports[-1]][70] = np.nan, np.inf

@@ -1,4 +1,4 @@
-"""Operators beside those of the default pool: in a kernel, in the twin and in the circuit."""
+"""Operators that are not in the default pool: in a kernel, in the twin and in the circuit."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ COUNT = 400
 
 
 def equations(xp, a, b, angle, word, wide, last):
-    """Each operation once or twice, among them both modes of a unit in a row."""
+    """Each operation once or twice; both modes of a unit occur in sequence."""
     sine, cosine = xp.sincos(angle)
     outputs = {"root": xp.rsqrt(a), "sine": sine, "cosine": cosine, "least": xp.minimum(b, word),
                "greatest": xp.maximum(b, word), "chosen": xp.select(b < word, sine, cosine), "word": word,
@@ -57,7 +57,7 @@ def test_the_twin_is_float64_within_the_operators_bounds(format):
     twin = SYSTEM.update_twin(pool, numbers, {"last": 5.0})
     assert not twin["refused"].any()
     ulp = 2.0**-(format.precision - 1)
-    # Float64's own functions are off by less than an ulp of binary64.
+    # The error of float64's functions is less than an ulp of binary64.
     own = 2.0**-52
     relative = {"out_root": ulp / 2, "out_least": ulp / 2, "out_greatest": ulp / 2, "out_word": 0.0, "out_sum": ulp,
                 **dict.fromkeys(("out_sine", "out_cosine", "out_chosen"), 0.8 * ulp)}
@@ -73,7 +73,7 @@ def test_the_circuit_is_the_twin_in_every_bit(models, tmp_path, pool):
     core = Core(SYSTEM, pool)
     model = CoreModel(core, write(core, tmp_path, command=""), models)
     inputs = stimulus(2)
-    # A number that is not finite is refused, negative integers are not.
+    # An update with a number that is not finite is refused; one with negative integers is not.
     inputs["in_angle"][50], inputs["in_b"][60] = 300.0, np.inf
     result = model.update(inputs)
     assert set(result["cycles"]) == {core.latency}

@@ -43,7 +43,7 @@ def index_of(result, operation, which=0):
 
 def test_chain_takes_the_sum_of_its_latencies():
     result = schedule(small_graph(), POOL)
-    # Both inputs are registered, then come in two cycles; the product, the sum: each is fetched as it comes out.
+    # Both inputs are registered and use the bus in two cycles; product and sum are each forwarded.
     assert result.length == 1 + 2 + (Multiplier().latency + 1) + (Adder().latency + 1)
 
 
@@ -125,7 +125,7 @@ def test_no_schedule_is_shorter_than_its_bounds():
         result = schedule(core(THESIS).trace(POOL), POOL)
         assert max(result.bounds.values()) <= result.length
     chain = schedule(small_graph(), POOL)
-    # The second input, one cycle late, is all that stands between the chain and its bound.
+    # Only the second input, which is one cycle late, makes the chain longer than its bound.
     assert chain.length == chain.bounds["dependences"] + 1
 
 
@@ -154,7 +154,7 @@ def test_what_lasts_or_decides_is_not_put_aside():
 
 
 def test_a_large_graph_is_scheduled_in_seconds():
-    """3,500 operations, as of an INS/GNSS filter: within a fifth of the bound, and within a minute on one core."""
+    """3,500 operations, like an INS/GNSS filter: within a fifth of the bound, and within a minute on one core."""
     graph = kalman_graph(POOL)
     assert sum(graph.count().values()) > 3400
     begin = process_time()

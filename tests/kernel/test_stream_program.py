@@ -1,4 +1,4 @@
-"""The words of the ROM, run by an interpreter that knows nothing but the documentation of ``StreamProgram``."""
+"""The words of the ROM, run by an interpreter that was written from the documentation of ``StreamProgram`` alone."""
 
 from collections import namedtuple
 
@@ -38,7 +38,7 @@ def program():
 
 
 class Machine:
-    """Runs words for updates that begin one after another; what comes out of a unit is kept by its cycle."""
+    """Runs words for successive updates; the result of a unit is stored by the cycle in which it comes out."""
 
     def __init__(self, program):
         self.program = program
@@ -46,17 +46,17 @@ class Machine:
         self.units = {unit.name: unit for unit in program.units}
         self.coming = {}
         self.buses = {}
-        # What was read from both memories in the cycle before.
+        # The values read from both memories in the previous cycle.
         self.operands = {(port, side): (0, 0) for port in program.read_ports for side in "ab"}
 
     def run(self, begins):
-        """One cycle after another; ``begins`` has an Update or None for each begin."""
+        """Run cycle by cycle; ``begins`` has an Update or None for each start of an interval."""
         for cycle in range(self.program.length * len(begins)):
             self.cycle(cycle, begins)
 
     def address(self, fields, cycle, begins, *, to_be=False):
         (kind, parameter), address = self.program.kinds[fields["kind"]], fields["address"]
-        # Settled in the cycle before: by the updates that are in each stage then, and the number of intervals.
+        # Computed in the previous cycle, from the updates in each stage and the number of intervals.
         period = (cycle - 1) // self.program.length
         if kind == PLAIN:
             return address
@@ -106,7 +106,7 @@ class Machine:
                 with np.errstate(all="ignore"):
                     result = unit.operations[operation](*values[:1 if operation == "sqrt" else 2])
             self.coming[name, cycle + 1 + unit.latency] = FORMAT.to_bits(result)
-        # No word is read and written in the same cycle, so it does not matter what comes first.
+        # No word is read and written in the same cycle, so the order does not matter.
         read = set()
         for port in program.read_ports:
             for side in "ab":
@@ -143,7 +143,7 @@ def test_every_system_can_be_streamed_on_every_kind_of_pool(case):
 
 
 def check_words(system, program):
-    """Updates of several channels, one after another, some left out: outputs and states against the twin."""
+    """Updates of several channels, one after another, with gaps: outputs and states against the twin."""
     rng = np.random.default_rng(7)
     machine = Machine(program)
     stages = program.schedule.stages

@@ -100,7 +100,7 @@ def test_a_reset_of_no_word_is_refused():
 
 
 def sequential(system, pool, inputs):
-    """The twin, sample by sample: (result, refused), as `run` should have it."""
+    """The twin, sample by sample: (result, refused), the expected results of `run`."""
     fmt = pool.format
     state = {word: fmt.array(value) for word, value in system.reset.items()}
     shown = {port: fmt.array(value) for port, value in system.trace(pool).reset_outputs.items()}
@@ -144,7 +144,7 @@ def test_a_run_is_the_twin_sample_by_sample(name):
 
 def test_a_run_goes_on_where_another_ended():
     inputs = random_inputs(INS_TOP, 20)
-    inputs["in_accx"][10] = np.nan  # refused: the second part begins by showing what the first one showed
+    inputs["in_accx"][10] = np.nan  # refused: the second part begins with the outputs of the first part
     whole, _ = INS_TOP.run(THESIS.pool, inputs)
     first, state = INS_TOP.run(THESIS.pool, {port: values[:10] for port, values in inputs.items()})
     second, _ = INS_TOP.run(THESIS.pool, {port: values[10:] for port, values in inputs.items()}, state)
@@ -191,7 +191,7 @@ def test_a_system_without_state_or_status_port():
 
 
 def test_a_prediction_is_nearly_always_right(monkeypatch):
-    """Otherwise a run is as slow as the twin on one sample at a time."""
+    """Otherwise a run would be as slow as the twin on single samples."""
     for config in (THESIS, FLIGHT, QUATERNION_J3, SINS):
         system = system_of(main_module(config), config)
         inputs = {port: RNG.standard_normal(40) for port in system.input_ports}

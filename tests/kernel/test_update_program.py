@@ -1,4 +1,4 @@
-"""The words of the ROM, run by an interpreter that knows nothing but the engine's documentation."""
+"""The words of the ROM, run by an interpreter that was written from the engine's documentation alone."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def interpret(program, inputs, memory, bank, fresh):
     lead = program.schedule.pool.memory_delay - 1  # the address of an operand stands in an earlier word
     ports = dict(zip(program.schedule.graph.inputs, FORMAT.array(inputs), strict=True))
     aside = {}
-    coming = {}  # (unit, cycle) to the result that comes out then
+    coming = {}  # maps (unit, cycle) to the result that comes out in it
     for cycle, word in enumerate(program.words):
         def physical(address):
             return address ^ (bank if address < program.state_words else 0)

@@ -68,7 +68,7 @@ def test_an_operation_without_an_operator_is_refused(make):
 
 @pytest.fixture
 def own_operator(monkeypatch):
-    """An operator of one's own, in no file of this package: known from where its class is defined."""
+    """A user's operator outside this package: the definition of its class makes its operations available."""
     for known in OPERATIONS, FUNCTIONS:
         for name in ("smaller", "span"):
             monkeypatch.setitem(known, name, None)

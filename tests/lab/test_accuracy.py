@@ -1,4 +1,4 @@
-"""The comparison of attitude filters: what it runs, what it writes."""
+"""The comparison of attitude filters: the filters that it runs, and the files that it writes."""
 
 import json
 
@@ -16,7 +16,7 @@ RATE_HZ = 100.0
 
 @pytest.fixture(scope="module")
 def level():
-    """Ten seconds of rest, level, body x to the north of the field."""
+    """Ten seconds at rest, level, with body x to magnetic north."""
     count = 1000
     return Recording("level", RATE_HZ, np.arange(count) / RATE_HZ, np.zeros((count, 3)),
                      np.tile([0, 0, 9.81], (count, 1)), np.tile([20.0, 0, -40.0], (count, 1)), "m/s^2", "uT", None)

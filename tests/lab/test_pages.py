@@ -1,4 +1,4 @@
-"""Pages of docs/operators are those of this commit, complete, and draw what the circuits do."""
+"""Pages of docs/operators are up to date and complete, and their diagrams agree with the circuits."""
 
 import inspect
 import re
@@ -93,7 +93,7 @@ def test_diagrams_show_what_circuits_do(name):
 
 
 def results_of(circuit, operations):
-    """Encodings that the twin gives for operations, by cycle."""
+    """Encodings of the twin's results for operations, by cycle."""
     others = 1 if hasattr(circuit, "x") or hasattr(circuit, "b") else None
     encodings = {}
     for cycle, operation in enumerate(operations):

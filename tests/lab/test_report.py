@@ -1,4 +1,4 @@
-"""The report: its lists, its tables, and that the figures in docs/ are of these circuits."""
+"""The report: its lists, its tables, and a check that the figures in docs/ are those of these circuits."""
 
 import json
 from importlib.metadata import PackageNotFoundError
@@ -46,9 +46,9 @@ CORE = {"module": "INS_top", "config": "thesis", "cycles": 279, "latency": 279, 
     ("add", 10, 1, False, "FloPoCo"),         # 416 LUTs in 9 cycles
     ("add", 11, 1, True, "verilog-math"),     # the two above flush
     ("add", 4, 1, True, "HardFloat"),         # 874 LUTs in 2 cycles, fewer than cvfpu's 1222 in 4
-    ("divide", 14, 13, False, "amaranth-fp"),  # one that is pipelined will do for one that is not,
+    ("divide", 14, 13, False, "amaranth-fp"),  # a pipelined operator can replace an iterative one,
     ("divide", 26, 13, True, "HardFloat"),
-    ("divide", 26, 1, True, None),            # but not the other way round
+    ("divide", 26, 1, True, None),            # but not the reverse
     ("add", 1, 1, False, None),
 ])
 def test_best_public_operator(operator, latency, interval, gradual, design):
@@ -185,7 +185,7 @@ def test_figures_of_operators_are_of_these_circuits(figures):
     measured = {json.dumps([row["operator"], row["component"], row["formats"], row["subnormals"], row["parameters"]]):
                 row["verilog_sha256"] for row in figures["operators"]["operators"]}
     assert len(measured) == len(MEASURED), "make report measures them again"
-    # One of each kind, because there are too many to make them all.
+    # One of each kind, because all of them would be too many.
     for entry in {entry.operator: entry for entry in MEASURED}.values():
         facts = operator_design(entry).facts
         key = json.dumps([facts[name] for name in ("operator", "component", "formats", "subnormals", "parameters")])

@@ -1,4 +1,4 @@
-"""Circuits in Verilator, and their serial line looked at bit by bit, with nothing of the transmitter's."""
+"""Circuits in Verilator, and a receiver for their serial line that is independent of the transmitter."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from strapdown_sim.drivers.verilated import VerilatedModel
 
 
 def verilated(source, interface, models):
-    """A Verilog file in Verilator; skips the test where there is none."""
+    """A Verilog file in Verilator; skips the test if Verilator is missing."""
     try:
         return VerilatedModel(source, interface, models)
     except SimulatorMissingError as error:
@@ -23,7 +23,7 @@ def received(line, divisor):
     line : ndarray of int
         The line in every clock cycle, idle first.
     divisor : int
-        Cycles a bit.
+        Cycles per bit.
     """
     line = np.asarray(line)
     data, starts, cycle = bytearray(), [], 0
@@ -50,7 +50,7 @@ def crc16(data):
 
 
 def frame(counter, status, numbers, dtype="<f8"):
-    """A navigation frame as docs/link.md describes it, byte by byte."""
+    """A navigation frame, byte by byte, from the description in docs/link.md."""
     payload = np.asarray(numbers, dtype=dtype).tobytes()
     body = bytes((len(payload), 1, counter & 0xFF, counter >> 8, status)) + payload
     return b"\xeb\x90" + body + crc16(body).to_bytes(2, "big")

@@ -1,4 +1,4 @@
-"""The decoder on streams made here from the document of the frame, with damage of all kinds."""
+"""The decoder on streams that these tests make from the document of the frame, with all kinds of damage."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_clean_stream_in_pieces(frames, numbers, piece):
 @pytest.mark.parametrize("piece", [1, 1 << 16])
 def test_garbage_around_and_between(frames, numbers, piece):
     rng = np.random.default_rng(2)
-    # Beginnings of frames among it, the last of all bytes too; without EB there is no other.
+    # The garbage contains beginnings of frames, also in its last byte; without EB it contains none.
     plain = rng.integers(0, 0xEB, 300, dtype=np.uint8).tobytes()
     garbage = plain + b"\xeb\xeb\x90\x48\x02\xeb\x90\x49\x01\xeb\xeb"
     data = garbage.join([b"", *frames, b""])
@@ -74,17 +74,17 @@ def test_every_single_flipped_bit_costs_that_frame_and_no_other(frames, numbers)
         damaged[bit // 8] ^= 1 << bit % 8
         found, decoder = decode(b"".join([*frames[4:5], bytes(damaged), *frames[6:9]]))
         assert_frames(found, [4, 6, 7, 8], numbers)
-        # Damage before the counter hides the frame; behind it, the CRC tells.
+        # Damage before the counter hides the frame; after it, the CRC detects the damage.
         assert counts(decoder) == (4, 1, int(bit >= 32), 0, len(damaged))
 
 
 def test_frame_within_a_broken_one(frames, numbers):
-    """A cable pulled in a frame and plugged in again: what is cut off hides no whole frame."""
+    """A cable is disconnected during a frame and connected again: the partial frame hides no complete frame."""
     data = frames[10] + frames[11][:33] + frames[12] + frames[13]
     found, decoder = decode(data)
     assert_frames(found, [10, 12, 13], numbers)
     assert counts(decoder) == (3, 1, 1, 0, 33)
-    # The same at the end, where no more bytes come to tell.
+    # The same at the end, where no further bytes follow.
     found, decoder = decode(frames[11][:33] + frames[12][:40])
     assert counts(decoder) == (0, 0, 0, 0, 73)
     found, decoder = decode(frames[11][:5] + frame(12, 12, numbers[12], "<f4"))
@@ -106,7 +106,7 @@ def test_binary32(numbers):
 
 
 def test_twin_of_the_sender(numbers):
-    """The twin's bytes are those of the document; the circuit's are compared with the document's in test_uart."""
+    """The twin's bytes agree with the document; test_uart compares the circuit's bytes with the document."""
     for dtype in "<f8", "<f4":
         row = numbers[3].astype(dtype)
         sender = FrameSender(NAVIGATION.number, row.nbytes, clock_hz=1e8, baud_rate=921_600)

@@ -38,7 +38,7 @@ class Halves:
 
 
 def halves(xp, *, numbers):
-    """A kernel that halves, exactly, and tells of its first and last number whether they are negative."""
+    """A kernel that halves numbers exactly; status bits are set if its first and last number are negative."""
     with xp.section("HALVE"):
         return Halves({"numbers": tuple(0.5 * number for number in numbers)},
                       {"first_negative": numbers[0] < 0.0, "last_negative": numbers[-1] < 0.0}, {})
@@ -55,9 +55,9 @@ def linked(pool, **changes):
 
 
 class Lines(wiring.Component):
-    """Transmitters and senders, in one model because that takes a third of the time to compile.
+    """Transmitters and senders, in one model because it compiles in a third of the time.
 
-    One sender takes what a sampler gives it (sample, status, payload), one a stream (valid, status, payload).
+    One sender takes the output of a sampler (sample, status, payload), one a stream (valid, status, payload).
     """
 
     def __init__(self):
@@ -92,7 +92,7 @@ LINE_OUTPUTS = {"uart4": ("ready", "tx"), "uart7": ("ready", "tx"), "sender": ("
 
 @pytest.fixture(scope="module")
 def lines(models, tmp_path_factory):
-    """Stimulus to the outputs of one of the Lines."""
+    """Outputs of one of the Lines for a stimulus."""
     outputs = tuple(f"{name}_{port}" for name, ports in LINE_OUTPUTS.items() for port in ports)
     path = tmp_path_factory.mktemp("lines") / "lines.v"
     path.write_text(verilog.convert(Lines(), name="lines", emit_src=False))
@@ -108,7 +108,7 @@ def lines(models, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def core(models, tmp_path_factory):
-    """A core with its link, from the file that a user gets."""
+    """A core with its link, from the exported file."""
     core = linked(DOUBLE_POOL)
     path = write(core, tmp_path_factory.mktemp("core"), command="as in this test", config=SINS)
     return core, verilated(path, Interface("HALVES_uart", ("in_en", *HALVES.input_ports),
@@ -172,7 +172,7 @@ def test_refuses_frames(kind, size, message):
 
 
 def short_frame(counter, status, payload):
-    """As ``frame``, of the sender under test."""
+    """Like ``frame``, for the sender under test."""
     body = bytes((3, 0xA7, counter & 0xFF, counter >> 8, status)) + payload.to_bytes(3, "little")
     return b"\xeb\x90" + body + crc16(body).to_bytes(2, "big")
 
@@ -187,7 +187,7 @@ def test_sends_when_and_only_when_free(lines):
     rng = np.random.default_rng(2)
     interval = frame_size(3) * 10 * DIVISOR + 1
     send = (rng.random(40 * interval) < 0.01).astype(int)
-    # Some exactly in the first cycle that can take one, some in the last that cannot.
+    # Some come exactly in the first cycle that can take one, some in the last cycle that cannot.
     send[:5 * interval] = 0
     send[[10, 10 + interval, 9 + 2 * interval, 10 + 3 * interval]] = 1
     send[-interval - 5:] = 0
@@ -234,7 +234,7 @@ def test_frames_without_a_gap(lines):
 
 @pytest.mark.verilator
 def test_counter_wraps(lines):
-    # 65,534 sends that are ignored count too, so that the counter is at its end soon.
+    # 65,534 lost samples are also counted, so that the counter reaches its end quickly.
     interval = frame_size(3) * 10 * DIVISOR + 1
     send = np.zeros(67_000, dtype=int)
     send[:65_536] = 1
@@ -254,7 +254,7 @@ def test_core_sends_what_it_found(core, tmp_path):
     numbers = fmt.from_bits(fmt.to_bits(rng.normal(0, 1e3, (count, len(NAMES)))))
     start = np.zeros(count * period + core.latency, dtype=np.uint64)
     start[:count * period:period] = 1
-    # Inputs are there for one cycle only: what is sent is what the core found, not what stands at its inputs.
+    # Inputs are valid for one cycle only: the link sends the results of the core, not the values at its inputs.
     stimulus = {"in_en": start}
     for column, port in enumerate(HALVES.input_ports):
         stimulus[port] = np.zeros(len(start), dtype=np.uint64)
@@ -269,7 +269,7 @@ def test_core_sends_what_it_found(core, tmp_path):
     np.testing.assert_array_equal(starts[::core.component.sender.size], rises + 2)
     assert not answer["out_link_overrun"].any()
 
-    # And on to the file that a user gets, in every bit.
+    # The same numbers reach the user's file, in every bit.
     (tmp_path / "line.bin").write_bytes(got)
     result = CliRunner().invoke(main, ["monitor", str(tmp_path / "line.bin"), "--output", str(tmp_path / "nav.csv")])
     assert result.exit_code == 0, result.output
@@ -284,7 +284,7 @@ def test_core_that_is_faster_than_its_line(core):
     core, model = core
     latency, interval = core.latency, core.component.sender.interval
     starts = np.arange(0, interval - 1, latency + 2)
-    # All but the first finish while its frame is sent; one more comes when that has gone.
+    # All updates but the first finish while its frame is sent; one more finishes after that.
     start = np.zeros(2 * interval + 3 * latency, dtype=np.uint64)
     start[starts] = 1
     start[starts[-1] + 2 * latency] = 1

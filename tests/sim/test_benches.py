@@ -19,12 +19,12 @@ RUNS = [pytest.param(module, simulator, marks=[
             getattr(pytest.mark, simulator),
             *([pytest.mark.sim_only] if simulator == "verilator" and module not in OWN_BENCHES else [])])
         for module in CONFIGS for simulator in ("icarus", "verilator")]
-# So that an alignment is soon over.
+# A short alignment.
 CHANGES = {"SINS_top": {"alignment_samples": 3}}
 
 
 def benches(module):
-    """The bench of all cores, and the module's own."""
+    """The bench for all cores, and the bench of the module."""
     return ["strapdown_sim.bench.bench_core", *([OWN_BENCHES[module]] if module in OWN_BENCHES else [])]
 
 

@@ -1,4 +1,4 @@
-"""Error figures on rotations that are known."""
+"""Error figures for known rotations."""
 
 import numpy as np
 import pytest
@@ -24,12 +24,12 @@ def rotate(q, v):
 
 
 def matrix_of(q):
-    """Navigation to body, column by column, by turning the axes of the navigation frame."""
+    """Navigation to body, column by column, by rotating the axes of the navigation frame."""
     return np.stack([rotate(errors.conjugate(q), axis) for axis in np.eye(3)], axis=-1)
 
 
 def test_product_turns_one_after_the_other():
-    # First a quarter turn about x, then one about z: y goes to z and stays.
+    # First a quarter turn about x, then one about z: y moves to z and stays there.
     assert rotate(errors.multiply(about("z", 90), about("x", 90)), [0, 1, 0]) == pytest.approx([0, 0, 1])
 
 

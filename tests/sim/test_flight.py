@@ -34,7 +34,8 @@ def test_a_turn_has_no_side_force_but_coriolis():
     flight = Flight(duration_s=60, speed_m_s=200, latitude_deg=45, changes=(Change("track_deg", 0, 60, 40),))
     _, f_b, truth = flight.sample(0.1)
     assert truth.roll.max() > np.radians(20)
-    # Bank is of a level turn over a resting, flat earth; Coriolis is 2·Ω·v = 0.03 m/s², the vertical's turn v²/R.
+    # The bank is that of a level turn over a flat earth at rest; the Coriolis term is 2·Ω·v = 0.03 m/s², that of the
+    # vertical's rotation v²/R.
     assert np.abs(f_b[:, 0]).max() < 0.05
 
 
@@ -45,7 +46,7 @@ def test_truth_is_consistent_with_itself():
     moved = np.stack([np.gradient(truth.longitude, step) * (prime + truth.height_m) * np.cos(truth.latitude),
                       np.gradient(truth.latitude, step) * (meridian + truth.height_m),
                       np.gradient(truth.height_m, step)], axis=-1)
-    # A central difference: step²/6 of the third derivative, some 5 m/s³.
+    # A central difference: step²/6 of the third derivative, about 5 m/s³.
     np.testing.assert_allclose(moved[1:-1], truth.velocity_m_s[1:-1], rtol=0, atol=5e-4)
     assert FLIGHT.distance() == pytest.approx(np.linalg.norm(truth.velocity_m_s, axis=1).sum() * step, rel=1e-4)
 
@@ -62,13 +63,13 @@ def test_rates_turn_the_body_as_the_truth_says():
     rate = np.stack([turned[:, 2, 1] - turned[:, 1, 2], turned[:, 0, 2] - turned[:, 2, 0],
                      turned[:, 1, 0] - turned[:, 0, 1]], -1) / (2 * step)
     nav = np.einsum("kji,kj->ki", c, spin + transport)
-    # Rounding of c's elements, 1e-16/step, and second order of the step.
+    # Rounding of the elements of C, 1e-16/step, and second order of the step.
     np.testing.assert_allclose(omega_b[1:], rate + (nav[1:] + nav[:-1]) / 2, rtol=0, atol=1e-7)
     # Newton: v̇ = f + g − (2·spin + transport) × v.
     f_n = np.einsum("kij,kj->ki", c, f_b)
     gravity = np.stack([0 * latitude, 0 * latitude, FLIGHT.earth.gravity(latitude, truth.height_m)], -1)
     expected = f_n - gravity - np.cross(2 * spin + transport, v)
-    # Sensors are means over an interval, the truth stands at its end: half a step of the third derivative.
+    # Sensors give means over an interval, the truth is at its end: half a step of the third derivative.
     np.testing.assert_allclose((v[1:] - v[:-1]) / step, expected[1:], rtol=0, atol=5e-3)
 
 
@@ -89,7 +90,7 @@ def test_earths():
 def test_sensor_errors_have_the_size_asked_for():
     count = 200_000
     error = sensor_errors(count, 0.02, constant=3.0, white=0.5, correlation_s=1.0, seed=1)
-    # White noise and Markov process each of 0.5; the process gives some count·T/2τ = 2000 independent values.
+    # White noise and Markov process, each of 0.5; the process gives about count·T/2τ = 2000 independent values.
     assert np.abs(error.mean(axis=0) - 3.0).max() < 5 * 0.5 / np.sqrt(2000)
     np.testing.assert_allclose(error.std(axis=0), 0.5 * np.sqrt(2), rtol=0.1)
     ahead = error[50:] - 3.0

@@ -1,4 +1,4 @@
-"""Files that can be read, and the line that each other kind gets."""
+"""Files that can be read, and the error line for every kind of bad file."""
 
 import numpy as np
 import pytest
@@ -180,7 +180,7 @@ def test_x_imu_export(x_imu_recording):
     assert len(recording.time_s) == 12_626
     assert recording.reference.frame == "NWU"
     assert not recording.reference.heading_known
-    # The device sends every other sample's quaternion.
+    # The device sends a quaternion for every second sample.
     assert len(recording.reference.time_s) == 6313
     assert np.diff(recording.reference.time_s) == pytest.approx(2 / 256)
     assert read_recording(x_imu_recording, sample_rate_hz=128).sample_rate_hz == 128

@@ -20,7 +20,7 @@ UP, FIELD = np.array([0, 0, 9.81]), np.array([20.0, 0.0, -40.0])  # navigation a
 
 
 def turned(axis, degrees):
-    """C_n^b of a body turned right-handedly about an axis of NWU."""
+    """C_n^b of a body after a right-handed rotation about an axis of NWU."""
     half = np.radians(degrees) / 2
     return matrix_from_quaternion([np.cos(half), *(np.sin(half) * np.eye(3)["xyz".index(axis)])])
 
@@ -53,9 +53,9 @@ def test_quaternion_takes_body_to_navigation_and_matrix_back():
 
 
 @pytest.mark.parametrize(("axis", "name", "body", "points"), [
-    ("y", "pitch", 0, (2, -1)),   # pitch > 0: body x has a part down
-    ("x", "roll", 1, (2, 1)),     # roll > 0: body y has a part up
-    ("z", "yaw", 0, (1, 1)),      # yaw > 0: body x has a part west
+    ("y", "pitch", 0, (2, -1)),   # pitch > 0: body x has a component down
+    ("x", "roll", 1, (2, 1)),     # roll > 0: body y has a component up
+    ("z", "yaw", 0, (1, 1)),      # yaw > 0: body x has a component west
 ])
 def test_signs_of_the_angles(axis, name, body, points):
     c = turned(axis, 30)
@@ -77,7 +77,7 @@ def test_a_body_at_rest_that_points_right_has_no_error():
 
 @pytest.mark.parametrize("axis", "xyz")
 def test_a_wrong_start_is_corrected(axis):
-    """At rest, turned by 20 degrees against the filter's start: it turns towards the truth, never away."""
+    """At rest, 20 degrees from the filter's start: the filter rotates towards the truth, never away."""
     truth = turned(axis, 20)
     model = ComplementaryFilter(kp=2, ki=0, period_s=0.01)
     before = 20.0
@@ -96,7 +96,7 @@ def test_rates_turn_the_angles_of_their_axes(rate, name):
     model = ComplementaryFilter(kp=0, ki=0, period_s=0.001)
     for _ in range(1000):
         attitude = model.update((0, 0, 0), (0, 0, 0), rate)
-    # First-order steps of 0.03 degrees turn by twice the arctangent of half of it.
+    # First-order steps of 0.03 degrees rotate by twice the arctangent of half the angle.
     assert getattr(attitude, name) == pytest.approx(1000 * 2 * np.degrees(np.arctan(np.radians(0.015))), abs=1e-9)
 
 

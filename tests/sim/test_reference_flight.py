@@ -19,14 +19,14 @@ def model(**changes):
 
 
 def about(axis, degrees):
-    """Quaternion of a right-handed turn."""
+    """Quaternion of a right-handed rotation."""
     axis = np.asarray(axis, dtype=float)
     half = np.radians(degrees) / 2
     return np.array([np.cos(half), *(np.sin(half) * axis / np.linalg.norm(axis))])
 
 
 def attitude(seconds, rate_deg_s=None, start=(1.0, 0, 0, 0)):
-    """Attitude (body to NWU) at the end of each sample of a turn; rate_deg_s(t) in body axes."""
+    """Attitude (body to NWU) at the end of each sample of a rotation; rate_deg_s(t) in body axes."""
     q, path = np.asarray(start, dtype=float), []
     for k in range(round(seconds * RATE_HZ)):
         if rate_deg_s is not None:
@@ -46,7 +46,7 @@ def sensors(q_b2n, *, acceleration=None, field=FIELD):
 
 
 def rates(q_b2n):
-    """Gyro samples (deg/s) that take each attitude of a path to the next; the first one is at rest."""
+    """Gyro samples (deg/s) that rotate each attitude of a path to the next; the first sample is at rest."""
     steps = multiply(conjugate(q_b2n[:-1]), q_b2n[1:])
     steps = steps * np.where(steps[:, :1] < 0, -1.0, 1.0)
     length = np.linalg.norm(steps[:, 1:], axis=1, keepdims=True)
@@ -66,7 +66,7 @@ STARTS = [about((1, 0, 0), 0), about((1, 0, 0), 180), about((0, 1, 0), 180), abo
 
 @pytest.mark.parametrize("start", STARTS)
 def test_alignment_needs_no_second(start):
-    """At rest in any attitude, upside down and facing south as well: right to 1° after 0.5 s, to 0.01° after 4 s."""
+    """At rest in any attitude, also upside down or facing south: accurate to 1° after 0.5 s, to 0.01° after 4 s."""
     q = attitude(4, start=start)
     accel, mag = sensors(q)
     result = model().run(accel, mag, np.zeros_like(accel))
@@ -85,7 +85,7 @@ def test_a_wrong_yaw_is_right_within_half_a_second(wrong):
     start.reset(about((0, 0, 1), wrong), aligned=True)
     errors = rotation_angle(start.run(accel, mag, np.zeros_like(accel)).q_b2n, q)
     assert errors[0] > abs(wrong) - 12
-    # From 90° to 5° at ramp_gain·sin(error): ln(tan 45°/tan 2.5°)/10 s = 0.31 s, a little more as the ramp falls.
+    # From 90° to 5° at ramp_gain·sin(error): ln(tan 45°/tan 2.5°)/10 s = 0.31 s, slightly more because the ramp falls.
     assert errors[RATE_HZ // 2:].max() < 5 or abs(wrong) > 90
     assert errors[-1] < 5
 
@@ -113,7 +113,7 @@ def test_a_magnetometer_that_comes_late_is_believed_at_once():
     ("ENU", ("east", 90), {"pitch": 0, "roll": 0, "yaw": 0}),
 ])
 def test_angles_are_those_of_the_frame(frame, turn, angles):
-    """A vehicle that points north and level, then noses up, rolls to the right or turns to the east."""
+    """A level vehicle that points north, then pitches nose up, rolls to the right or turns to the east."""
     kind, degrees = turn
     axis = {"pitch": (0, -1, 0), "right": (1, 0, 0), "east": (0, 0, -1)}[kind]  # about north, west, up
     q = attitude(5, start=about(axis, degrees))
@@ -131,7 +131,7 @@ def test_frames_differ_by_constant_turns_only(frame):
     accel, mag = sensors(q)
     gyro = rates(q) + np.array([0.3, -0.2, 0.4])
     start = model(frame=frame)
-    start.reset(FRAME_QUATERNIONS[frame])  # where the one in NWU begins
+    start.reset(FRAME_QUATERNIONS[frame])  # the start attitude of the filter in NWU
     nwu, other = model().run(accel, mag, gyro), start.run(accel, mag, gyro)
     assert rotation_angle(multiply(FRAME_QUATERNIONS[frame], nwu.q_b2n), other.q_b2n)[1:].max() < 1e-9
     for c, v in (nwu.c_n2b, nwu.earth), (other.c_n2b, other.earth):
@@ -146,7 +146,7 @@ def test_linear_acceleration_is_without_gravity():
     accel, mag = sensors(q, acceleration=push)
     result = model().run(accel, mag, np.zeros_like(accel))
     assert result.linear[-21] == pytest.approx(np.zeros(3), abs=1e-6)
-    # 0.2 s of it are in the low-pass by then with some 3 %, and turn the attitude by less than 0.1°.
+    # By then the low-pass contains 0.2 s of it, about 3 %, which rotates the attitude by less than 0.1°.
     assert result.linear[-1] == pytest.approx(matrix_from_quaternion(q[-1]) @ (1, 2, 3), abs=0.15)
     assert result.earth[-1] == pytest.approx((1, 2, 3 + G), abs=0.05)
 
@@ -167,7 +167,7 @@ def test_bias_is_learnt_in_motion():
     accel, mag = sensors(q)
     result = model().run(accel, mag, rates(q) + bias)
     assert not result.status["at_rest"].any()
-    # Kp/Ki = 12.5 s is the time constant: 5 % are left after three of them, of what tilts.
+    # The time constant is Kp/Ki = 12.5 s: after three of them 5 % of the horizontal bias remain.
     assert np.linalg.norm((result.bias_deg_s[-1] - bias)[:2]) < 0.1 * np.linalg.norm(bias[:2])
 
 
@@ -247,10 +247,10 @@ FAULTS = {"saturated accelerometer": "range_exceeded", "saturated gyro": "range_
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_faults_pass(kind):
-    """Five seconds of bad input, then half a minute of motion: finite all the while, and recovered.
+    """Five seconds of bad input, then half a minute of motion: all numbers stay finite, and the filter recovers.
 
-    A gyro that is wrong leaves heading anywhere. It comes back at 2·Km = 11 deg/s down to 90°, and
-    then within 1/Km = 10 s to 1/e: from 180° in 30 s to some 12°.
+    After a gyro fault the heading error may have any value. It falls at 2·Km = 11 deg/s down to 90°, and
+    then by a factor of e in 1/Km = 10 s: from 180° to about 12° in 30 s.
     """
     q = attitude(45, lambda t: wobble(t) / 3)
     accel, mag = sensors(q)
@@ -291,7 +291,7 @@ def test_without_magnetometer_heading_is_the_gyros():
     accel, _ = sensors(q)
     result = model(magnetometer=False).run(accel, None, rates(q) + np.array([0, 0, 0.5]))
     errors = attitude_errors(result.q_b2n, q)
-    assert errors.inclination[5 * RATE_HZ:].max() < 1.2  # 0.5 deg/s over 0.5/s is a degree
+    assert errors.inclination[5 * RATE_HZ:].max() < 1.2  # 0.5 deg/s over 0.5/s is one degree
     assert errors.heading[-1] > 2
     assert not result.status["magnetometer_missing"].any()
 

@@ -1,4 +1,4 @@
-"""The exact rotations against statements about turns that anyone can check."""
+"""The exact rotations against statements about rotations that are easy to check."""
 
 import numpy as np
 import pytest

@@ -45,7 +45,7 @@ def test_error_free_flight_stays_within_ten_metres_for_an_hour(wander_deg):
     told = type(told[0])(*(np.stack(values) for values in zip(*told, strict=True)))
     truth = type(truth)(*(values[every] for values in truth))
     assert position_error(told, truth, flight.earth).max() < 10
-    # The angles do not know of the platform's own direction.
+    # The angles do not depend on the direction of the platform.
     np.testing.assert_allclose(told.pitch, truth.pitch, rtol=0, atol=1e-5)
     np.testing.assert_allclose(told.roll, truth.roll, rtol=0, atol=1e-5)
     np.testing.assert_allclose(np.angle(np.exp(1j * (told.heading - truth.heading))), 0, atol=1e-5)
@@ -75,7 +75,7 @@ def test_errors_at_rest_are_the_textbooks(latitude_deg, error):
     for measured, expected in (eastward, model[:, 3]), (longitude, model[:, 6]):
         assert np.abs(measured - expected).max() <= 0.02 * np.abs(expected).max()
     if latitude_deg == 0:
-        # At the equator the east channel stands alone: a pendulum of Schuler's period.
+        # At the equator the east channel is independent: a pendulum of Schuler's period.
         phase = 2 * np.pi * times / schuler_s
         g, radius = SOURCE_EARTH.gravity_m_s2, SOURCE_EARTH.radius_m
         if error == "tilt":
@@ -89,7 +89,7 @@ def test_errors_at_rest_are_the_textbooks(latitude_deg, error):
 
 
 def test_wander_and_heading_have_the_stated_signs():
-    # Going east on the northern half: a platform that does not turn about the vertical turns clockwise against north.
+    # Eastward on the northern hemisphere: a platform without rotation about the vertical rotates clockwise from north.
     flight = Flight(600, latitude_deg=60, track_deg=90, speed_m_s=250)
     omega_b, f_b, truth = flight.sample(0.5)
     c = flight.sample(0.5)[2].c_b2n[0]
@@ -97,7 +97,7 @@ def test_wander_and_heading_have_the_stated_signs():
                           np.float64(0))
     told = navigator.run(omega_b, f_b)
     turned = truth.longitude[-1] * np.sin(np.radians(60))
-    # The meridians converge: north turns anticlockwise against the platform, the platform clockwise against it.
+    # The meridians converge: north rotates anticlockwise relative to the platform, the platform clockwise from north.
     assert told.wander[-1] == pytest.approx(-turned, rel=1e-3)
     assert np.degrees(told.heading[-1]) == pytest.approx(90, abs=1e-3)
 

@@ -31,7 +31,7 @@ def test_x_imu_recording(x_imu_recording, tmp_path, models, root):
     summary = check(read_recording(x_imu_recording), tmp_path, models)
     assert summary["samples"] == 12_626
     assert summary["sample_rate_hz"] == 256
-    # This is what `make demo` runs: its table in the README has to be true.
+    # `make demo` runs the same; its table in the README must be correct.
     written = json.loads((tmp_path / "summary.json").read_text())
     assert block((root / "README.md").read_text(), "demo")[1].strip() == docs.demo_block(written)
 

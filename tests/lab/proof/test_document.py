@@ -1,4 +1,4 @@
-"""The generated parts of docs/proof.md are those of the code; `make docs` writes them."""
+"""The generated parts of docs/proof.md agree with the code; `make docs` writes them."""
 
 from strapdown_lab.checkout import replaced
 from strapdown_lab.proof.__main__ import blocks

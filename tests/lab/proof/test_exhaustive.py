@@ -1,4 +1,4 @@
-"""Exhaustive runs: samples agree, a wrong circuit is found, an interrupted run goes on."""
+"""Exhaustive runs: samples agree, a wrong circuit is detected, an interrupted run continues."""
 
 import dataclasses
 import json
@@ -18,7 +18,7 @@ RANGES = [center - 2048 for center in (0x800, 0x00800000, 0x3F800000, 0x4F000000
 
 @pytest.fixture
 def folder(models, tmp_path):
-    """Where a run keeps what is done; its model goes where those of other tests are, to share Verilator's runtime."""
+    """Folder of a run's progress; its model goes into the folder of other tests, to share Verilator's runtime."""
     models.mkdir(parents=True, exist_ok=True)
     (tmp_path / "models").symlink_to(models)
     return tmp_path
@@ -45,7 +45,7 @@ def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, folder):
     monkeypatch.setitem(exhaustive.RUNS, "to_int32", subject)
     monkeypatch.setattr(exhaustive, "SHARD", 1 << 12)
     run = run_of("to_int32", folder)
-    # 0.5 is a tie and goes down; what follows does not.
+    # 0.5 is a tie and is rounded down; the next operands are not.
     mismatches, rows = run.check(0x3F000000, 16)
     assert mismatches == 15
     assert rows[0] == "3f000001 00000000 00000001"

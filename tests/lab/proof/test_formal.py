@@ -1,4 +1,4 @@
-"""Proofs: a sample of the properties holds, and faults in the circuits are found."""
+"""Proofs: a sample of the properties holds, and faults in the circuits are detected."""
 
 from functools import partial
 
@@ -37,7 +37,7 @@ def assert_refuted(prop, folder):
 
 
 class LateMinMax(FpMinMax):
-    """Says that it takes a cycle more than it does."""
+    """An operator that reports a latency of one cycle too many."""
 
     @property
     def latency(self):
@@ -45,7 +45,7 @@ class LateMinMax(FpMinMax):
 
 
 class PatientSquareRoot(FpSquareRoot):
-    """Says that it takes operations more seldom than it does."""
+    """An operator that reports a longer interval than it has."""
 
     @property
     def interval(self):
@@ -75,7 +75,7 @@ def test_register_that_does_not_hold_is_found(tmp_path, monkeypatch):
 
 
 def test_idle_property_does_not_pass(tmp_path):
-    """Where nothing is put to the test, nothing is proved."""
+    """If no assertion is tested, nothing is proved."""
     # One edge too few for a result.
     prop = Property("idle", "", partial(PipelineAlignment, partial(FpMinMax, SMALL)), 0, ("one", "other"))
     outcome = prove(prop, tmp_path)

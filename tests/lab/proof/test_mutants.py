@@ -1,4 +1,4 @@
-"""The table of faults fits the sources, and a fault that tests do not notice is reported."""
+"""The table of faults fits the sources, and a fault that the tests do not detect is reported."""
 
 import pytest
 
@@ -34,7 +34,7 @@ def test_fragment_must_occur_once():
 
 
 def test_verdicts(tmp_path):
-    """A small project: one fault is noticed, one is not, and tests must pass without."""
+    """A small project: one fault is detected, one is not, and tests must pass without faults."""
     for name, text in {
         "pyproject.toml": "[tool.pytest.ini_options]\naddopts = '--import-mode=importlib'\n",
         "hw/strapdown/fp/__init__.py": "", "hw/strapdown/__init__.py": "",

@@ -1,4 +1,4 @@
-"""What proofs say where a tool is missing."""
+"""Messages of proofs if a tool is missing."""
 
 from click.testing import CliRunner
 

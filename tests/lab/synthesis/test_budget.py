@@ -17,7 +17,7 @@ BUDGETS = {
     "quaternion_j2": {"cycles": 70, "lut": 1500},
     "sins": {"lut": 6000},
 }
-"""Configuration to the most that its main core may take: cycles an update, resources as ``synthesise_xc7`` counts."""
+"""Maps each configuration to the budget of its main core: cycles per update, and resources of ``synthesise_xc7``."""
 
 
 @pytest.mark.parametrize("config", BUDGETS)
@@ -30,7 +30,7 @@ def test_core_stays_within_its_budget(config, root, make_core, request):
 
 
 def _resources(circuit, entry, root, request):
-    """Figures in docs/ if they are of this very circuit, else those of Yosys."""
+    """Figures in docs/ if they are those of this circuit, else the figures of Yosys."""
     report = root / "docs" / "report" / "cores.json"
     rows = json.loads(report.read_text())["cores"] if report.exists() else []
     for row in rows:

@@ -1,4 +1,4 @@
-"""A module whose slowest path is known beforehand, placed and routed."""
+"""Place and route of a module whose slowest path is known beforehand."""
 
 from strapdown_lab.synthesis import ECP5_SEEDS, place_ecp5
 

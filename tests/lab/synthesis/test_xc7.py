@@ -25,8 +25,8 @@ endmodule
 
 def test_cells_of_a_known_module(yosys, cache):
     resources = synthesise_xc7(KNOWN, "known", cache)
-    # A LUT for the parity, a shift register LUT and the four of a RAM64M, which Yosys takes even for one bit; the DSP
-    # block has its own product registers, and the parity's register is the only one left besides, if any, that of the
+    # A LUT for the parity, a shift register LUT and the four LUTs of a RAM64M, which Yosys takes even for one bit. The
+    # DSP block contains the product registers. The other registers are that of the parity and possibly that of the
     # shift register's last stage.
     assert (resources.dsp, resources.bram, resources.memory_lut) == (1, 0, 5)
     assert resources.lut == resources.memory_lut + 1
