@@ -1,6 +1,8 @@
-"""Figures in the README and in docs/cores.md are those of this commit; its links lead somewhere."""
+"""Figures in the README and in docs/ are those of this commit; its links lead somewhere."""
 
 import re
+
+import pytest
 
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
@@ -14,6 +16,19 @@ def test_table_of_modules(root, make_core):
 def test_table_of_configurations(root, make_core):
     found = block((root / "README.md").read_text(), "configurations")
     assert found[1].strip() == docs.configurations_block(make_core)
+
+
+@pytest.mark.parametrize(("page", "blocks"), [
+    ("cores", lambda make_core: {"channels": docs.channels_block(make_core)}),
+    ("kernels", lambda make_core: {"bounds": docs.bounds_block(make_core)}),
+    ("operators", lambda make_core: {"vendor operators": docs.vendor_block()}),
+    ("quaternion", docs.quaternion_blocks),
+    ("sins", lambda make_core: {"configurations": docs.sins_block(make_core)}),
+])
+def test_tables_of_pages(root, make_core, page, blocks):
+    text = (root / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    for name, content in blocks(make_core).items():
+        assert block(text, name)[1].strip() == content, name
 
 
 def test_links_lead_somewhere(root):

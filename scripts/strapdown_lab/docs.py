@@ -5,6 +5,7 @@ docs/report.md and docs/flight.md come from docs/report, where `make report` and
 """
 
 import json
+import math
 import re
 import shutil
 from contextlib import chdir
@@ -14,7 +15,20 @@ from tempfile import TemporaryDirectory
 from click.testing import CliRunner
 
 from strapdown.cli import main as main_command
-from strapdown.cores import ATTITUDE_CORES, CONFIGS, THESIS, main_module, make_core
+from strapdown.cores import (
+    ATTITUDE_CORES,
+    CONFIGS,
+    FLIGHT,
+    QUATERNION_J2,
+    QUATERNION_J3,
+    SINS,
+    SINS_DAMPED,
+    THESIS,
+    main_module,
+    make_core,
+)
+from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
+from strapdown.design import METHODS
 
 from .checkout import ROOT, write_blocks
 from .markdown import markdown_table
@@ -55,6 +69,66 @@ def channels_block(make_core=make_core):
         ["configuration", "module", "channels:", "interval, cycles:", "latency, cycles:", "updates in flight:"],
         [[f"`{name}`", f"`{core.system.name}`", core.engine.channels, core.engine.interval, core.latency,
           core.engine.program.schedule.stages] for name, core in cores.items()])
+
+
+def bounds_block(make_core=make_core):
+    """Table of some systems in eight channels: the interval that the scheduler finds, and what bounds it."""
+    rows = []
+    for config in FLIGHT, QUATERNION_J3, SINS:
+        eight = config.replace(channels=8)
+        schedule = make_core(main_module(eight), eight).engine.program.schedule
+        bound = max(schedule.bounds.values())
+        rows.append([f"`{config.name}`", schedule.interval, bound,
+                     ", ".join(name for name, cycles in schedule.bounds.items() if cycles == bound)])
+    return markdown_table(["8 channels of", "interval:", "bound:", "limited by"], rows)
+
+
+def operations(config, make_core=make_core):
+    """Number of operations of an update, and the core's cycles from start to finish."""
+    core = make_core(main_module(config), config)
+    return [sum(core.engine.program.schedule.graph.count().values()), core.latency]
+
+
+QUATERNION_OPTIONS: tuple[tuple[str, dict], ...] = (
+    ("j = 2", {}), ("j = 3", {"order": 3}),
+    ("j = 3, renormalised in every update", {"order": 3, "renormalise_every": 1}),
+    ("j = 3, renormalised every 100 updates", {"order": 3, "renormalise_every": 100}),
+    ("j = 2, coning", {"coning": True}),
+    ("j = 3, coning, renormalised in every update", {"order": 3, "coning": True, "renormalise_every": 1}))
+"""Rows of a table: a name, and the fields that differ from QUATERNION_J2."""
+
+
+def quaternion_blocks(make_core=make_core):
+    """Tables of docs/quaternion.md, by the name of their block, but for that of a million updates."""
+    config = QUATERNION_J2
+    largest_angle = math.radians(config.rate_max_deg_s) * config.period_s
+    errors = []
+    for order in 2, 3:
+        (squares, _), (angle, norm) = (METHODS[name](order, largest_angle).worst()
+                                       for name in ("least-squares", "minimax"))
+        errors.append([f"{1000 * config.period_s:g} ms", order, f"{squares:.1e} rad", f"{angle:.1e} rad",
+                       f"{norm:.1e}"])
+    return {
+        "options": markdown_table(["option", "operations:", "cycles:"], [
+            [name, *operations(config.replace(**changes), make_core)] for name, changes in QUATERNION_OPTIONS]),
+        "coefficients": markdown_table(
+            ["T:", "j:", "angle, least squares:", "angle, minimax:", "norm, minimax:"], errors)}
+
+
+def sins_block(make_core=make_core):
+    """Table of the configurations of SINS_top with their operations."""
+    return markdown_table(["configuration", "what it is", "operations:", "cycles:"], [
+        [f"`{config.name}`", config.description, *operations(config, make_core)] for config in (SINS, SINS_DAMPED)])
+
+
+def vendor_block():
+    """Table of the vendor's operators with their latencies."""
+    return markdown_table(
+        ["module", "result", "operands", "default latency:", "least latency:",
+         "register ranks at the output by default:"],
+        [[f"`{name}`", vendor.kind.title, "; ".join(f"`{port.name}`: {port.meaning}" for port in vendor.kind.operands),
+          vendor.latency, vendor.kind.least_latency, vendor.extra_ranks]
+         for name, vendor in ((name, VendorOperator(name)) for name in VENDOR_OPERATORS)])
 
 
 def demo_block(summary):
@@ -114,11 +188,14 @@ def operator_index_blocks():
 
 def main():
     """Update README.md and docs/attitude.png from build/demo, docs/operators, and other pages from docs/report."""
-    summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text())
+    summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text(encoding="utf-8"))
     write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
                                       "configurations": configurations_block()})
     write_blocks(ROOT / "docs" / "cores.md", {"channels": channels_block()})
-    write_blocks(ROOT / "docs" / "kernels.md", {"compass": compass_block()})
+    write_blocks(ROOT / "docs" / "kernels.md", {"compass": compass_block(), "bounds": bounds_block()})
+    write_blocks(ROOT / "docs" / "quaternion.md", quaternion_blocks())
+    write_blocks(ROOT / "docs" / "sins.md", {"configurations": sins_block()})
+    write_blocks(ROOT / "docs" / "operators.md", {"vendor operators": vendor_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)
