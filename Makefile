@@ -27,7 +27,7 @@ $(VENV)/ready-%: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable 'scripts[$*]'
 	touch $@
 
-icarus: # Icarus Verilog from Debian, where it is missing and the user may install it.
+icarus: # Installs Icarus Verilog from Debian if it is missing and the user may install it.
 	@scripts/install_icarus.sh
 
 demo: setup ## Replay a real recording through generated Verilog; results under build/demo.
@@ -37,7 +37,7 @@ demo: setup ## Replay a real recording through generated Verilog; results under 
 verilog: setup ## Generate all modules of CONFIG into build/verilog/CONFIG.
 	$(BIN)/strapdown generate --config $(CONFIG)
 
-test: setup icarus ## Run all tests, but for the benches that only `make sim` runs.
+test: setup icarus ## Run all tests, except the benches that only `make sim` runs.
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m 'not sim_only'
 
@@ -48,16 +48,16 @@ report: $(VENV)/ready-report ## Synthesise, place and route operators and cores;
 	$(BIN)/strapdown report --output build/report
 	mkdir -p docs/report && cp build/report/*.json build/report/*.png docs/report
 
-formal: $(VENV)/ready-formal ## Prove properties of the operators; ONLY=REGEX chooses. See docs/proof.md.
+formal: $(VENV)/ready-formal ## Prove properties of the operators; ONLY=REGEX selects some. See docs/proof.md.
 	$(BIN)/python -m strapdown_lab.proof formal --only '$(ONLY)'
 
-exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sqrt, PART=1/256 choose.
+exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sqrt, PART=1/256 select some.
 	$(BIN)/python -m strapdown_lab.proof exhaustive $(addprefix --only ,$(ONLY)) --fraction $(PART)
 
-mutants: setup ## Put single faults into the operators; their tests must notice. ONLY=REGEX chooses files.
+mutants: setup ## Put single faults into the operators; their tests must detect them. ONLY=REGEX selects files.
 	$(BIN)/python -m strapdown_lab.proof mutants --only '$(ONLY)'
 
-accuracy: $(VENV)/ready-accuracy ## Attitude filters on real recordings, beside published ones, for `make docs`; RECORDINGS=folder.
+accuracy: $(VENV)/ready-accuracy ## Compare attitude filters on real recordings with published ones, for `make docs`; RECORDINGS=folder.
 	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
 	mkdir -p docs/report && cp build/accuracy/accuracy.json build/accuracy/accuracy.png docs/report
 
@@ -71,5 +71,5 @@ docs: demo ## Write the generated figures and the demo's picture into README.md 
 	$(BIN)/python -m strapdown_lab.docs
 	$(BIN)/python -m strapdown_lab.proof document
 
-clean: ## Remove what was generated, but not .venv.
+clean: ## Remove generated files, but not .venv.
 	rm -rf build

@@ -1,4 +1,4 @@
-"""A command that fails says so in one line, with a status of its own, and leaves nothing half-written."""
+"""A command that fails prints one line, has its own exit status, and leaves no incomplete files."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def assert_one_line(result, message, status=2):
 
 
 class TwinModel:
-    """The twin in place of the Verilated circuit: no compiler is needed, and other tests compare the two."""
+    """The twin in place of the Verilated circuit, so that no compiler is needed; other tests compare the two."""
 
     def __init__(self, core, verilog, build):
         self.core = core
@@ -53,7 +53,7 @@ class TwinModel:
 
 @pytest.fixture
 def twin(monkeypatch):
-    """Replays take the twin for the circuit, and Verilog is short."""
+    """Replays use the twin in place of the circuit, and the Verilog is short."""
     monkeypatch.setattr("strapdown_sim.replay.CoreModel", TwinModel)
     monkeypatch.setattr("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
 
@@ -74,7 +74,7 @@ def replay(recording, folder, *options):
                *options)
 
 
-# What the machine lacks or refuses.
+# Missing tools, and errors of the operating system.
 
 def test_a_missing_compiler_is_found_out_first(recording, tmp_path, monkeypatch):
     path = recording()
@@ -98,7 +98,7 @@ def test_a_compiler_that_fails_is_one_line(recording, tmp_path, monkeypatch):
 
 @contextmanager
 def full_disk():
-    """Let files grow to 2 kB only."""
+    """Limit the size of files to 2 kB."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
     try:
@@ -124,7 +124,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(arguments, recording, tmp_pa
 
 
 def test_a_yosys_that_fails_is_one_line(tmp_path, monkeypatch):
-    """As where the folder of its temporary files is full."""
+    """Yosys fails as if the folder of its temporary files were full."""
     def fail(*arguments, **options):
         raise verilog.YosysError("Traceback:\n  many lines\nOSError: no room")
 
@@ -193,7 +193,7 @@ def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
     command = [sys.executable, "-c", WAITING, model, "replay", recording(), "--output", tmp_path / "out",
                "--build", tmp_path / "build"]
     with subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, text=True,
-                          # Whoever starts the tests in the background may have Ctrl-C ignored.
+                          # Ctrl-C may be ignored if the tests run in the background.
                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as process:
         limit = time.monotonic() + 60
         while not started.exists():
@@ -208,7 +208,7 @@ def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-# What the samples hold.
+# Contents of the samples.
 
 def test_several_channels_are_refused(recording, tmp_path):
     result = run("replay", recording(), "--config", "thesis_x8", "--output", tmp_path / "out")
@@ -252,7 +252,7 @@ def test_an_update_that_is_always_refused_is_an_error(recording, tmp_path, twin)
 
 
 def strict(text):
-    """A JSON text as the standard has it: without NaN and infinity."""
+    """A JSON text that follows the standard: without NaN and infinity."""
     def refuse(name):
         raise ValueError(f"{name} is not JSON")
     return json.loads(text, parse_constant=refuse)

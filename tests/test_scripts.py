@@ -9,9 +9,9 @@ SAYS = "Installing Icarus Verilog for the whole system, as root: apt-get install
 
 @pytest.fixture
 def machine(tmp_path):
-    """A function that makes a machine of commands, a shell line each, and runs the installation of Icarus on it.
+    """A function that makes commands, each from a shell line, and runs the installation of Icarus with them.
 
-    It gives what was said, with what the commands did, and the exit status.
+    It returns the output, with the actions of the commands, and the exit status.
     """
     def run(**commands):
         for name, line in commands.items():

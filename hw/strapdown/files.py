@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that are written completely or not at all."""
 
 import os
 import shutil
@@ -11,9 +11,9 @@ __all__ = ["written_together", "written_whole"]
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Context manager: gives the path of a file or folder to write, which takes the place of ``path`` at the end.
+    """Context manager: gives the path of a new file or folder, which replaces ``path`` at the end.
 
-    An exception inside leaves ``path`` as it was, and nothing else behind. The folder of ``path`` must exist.
+    After an exception inside, ``path`` is unchanged and the new file is removed. The folder of ``path`` must exist.
     """
     partial = _beside(path)
     try:
@@ -27,15 +27,15 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def written_together(directory: Path) -> Iterator[Path]:
-    """Context manager: gives an empty folder, whose files take their places in ``directory`` at the end.
+    """Context manager: gives an empty folder, whose files are moved into ``directory`` at the end.
 
-    An exception inside leaves ``directory`` as it was: nothing is replaced, and a folder that did not exist is not
-    made. Files of ``directory`` with other names stay.
+    After an exception inside, ``directory`` is unchanged: no file is replaced, and a folder that did not exist is not
+    made. Files of ``directory`` with other names are kept.
     """
     created = [folder for folder in (directory, *directory.parents) if not folder.exists()]
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # In the folder, not beside it: a rename must not cross the border of a file system.
+        # Inside the folder, not beside it, because a rename must not cross file systems.
         partial = _beside(directory / "files")
         try:
             partial.mkdir()
@@ -57,7 +57,7 @@ def _beside(path):
 
 
 def _remove(partial):
-    """Remove a file or folder, if it is there."""
+    """Remove a file or folder if it exists."""
     if partial.is_dir():
         shutil.rmtree(partial)
     partial.unlink(missing_ok=True)

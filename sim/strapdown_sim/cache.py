@@ -1,4 +1,4 @@
-"""Results that are made once, and kept in a folder."""
+"""Results that are made once and stored in a folder."""
 
 import fcntl
 import hashlib

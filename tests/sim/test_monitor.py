@@ -1,4 +1,4 @@
-"""The monitor on streams made here from the document of the frame, with damage of all kinds."""
+"""The monitor on streams that these tests make from the document of the frame, with all kinds of damage."""
 
 import binascii
 import csv
@@ -81,7 +81,7 @@ def test_file_to_csv_and_picture(frames, numbers, tmp_path):
 
 
 def test_live(frames, numbers, tmp_path, monkeypatch):
-    """A window's figure has the curves; the window itself is a canvas without one, for there may be no display."""
+    """The figure has the curves; a canvas without a window replaces the window, because there may be no display."""
     plt.switch_backend("agg")
     monkeypatch.setattr(FigureCanvasAgg, "required_interactive_framework", "none")
     pauses = []
@@ -95,18 +95,18 @@ def test_live(frames, numbers, tmp_path, monkeypatch):
 
 
 def test_pseudo_terminal(frames, numbers, tmp_path):
-    """A terminal as it is, in another process, with bytes that come while it reads, until Ctrl-C."""
+    """A terminal with its present settings, in another process, with bytes that arrive while it reads, until Ctrl-C."""
     master, slave = os.openpty()
     tty.setraw(slave)
     output = tmp_path / "nav.csv"
     with subprocess.Popen([sys.executable, "-m", "strapdown", "monitor", os.ttyname(slave), "--output", str(output)],
                           stdout=subprocess.PIPE, text=True,
-                          # Whoever starts the tests in the background may have Ctrl-C ignored.
+                          # Ctrl-C may be ignored if the tests run in the background.
                           preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL)) as process:
         data = b"".join(frames)
         for start in range(0, len(data), 500):
             os.write(master, data[start:start + 500])
-        # What arrived is in the file before the end.
+        # The received frames are in the file before the end.
         limit = time.monotonic() + 30
         while not (output.exists() and len(output.read_text().splitlines()) == COUNT + 1):
             assert time.monotonic() < limit

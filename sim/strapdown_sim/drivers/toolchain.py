@@ -13,7 +13,7 @@ __all__ = ["SimulatorMissingError", "ToolError", "compiler", "icarus_missing", "
            "verilator_root", "verilator_runtime"]
 
 OUTPUT_CHARACTERS = 3000
-"""So much of a failed tool's output is told, from its end."""
+"""Number of characters, from the end, of a failed tool's output in the error message."""
 
 
 class SimulatorMissingError(RuntimeError):
@@ -26,7 +26,7 @@ class ToolError(RuntimeError):
     Attributes
     ----------
     line : str
-        The same in one line, with the first line of the output that tells an error.
+        The same in one line, with the first line of the output that contains an error.
     """
 
     def __init__(self, tool, status, output):
@@ -93,7 +93,7 @@ def verilator_runtime(build):
     jobs[build / "common.h.gch"] = ["-x", "c++-header", include / "verilated.h"]
     build.mkdir(parents=True, exist_ok=True)
     if not header.exists():
-        # Read only where g++ does not like the precompiled one, as after an update of g++.
+        # Read only if g++ rejects the precompiled form, for example after an update of g++.
         header.write_text('#include "verilated.h"\n', encoding="utf-8")
     for target, arguments in jobs.items():
         if not target.exists():

@@ -218,7 +218,7 @@ class VerilatedModel:
                 raise
             finally:
                 feeder.join()
-        # After a reset some samples have no answer.
+        # After a reset some samples have no result.
         complete = received == len(view) or (before is not None and received % (8 * len(names)) == 0)
         if process.returncode or not complete:
             raise RuntimeError(f"the model of {self.interface.top} ended early, status {process.returncode}")
