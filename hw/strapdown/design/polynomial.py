@@ -118,7 +118,7 @@ def remez(function: Callable, weight: Callable, order: int, last: Decimal, *, gr
     extremes of the error. The largest error is found on a grid of ``grid`` intervals. With 400 intervals this makes
     a relative difference of 1e-4 at most, because the difference is of second order in the distance from the extreme.
 
-    Raises: ArithmeticError if the exchange does not settle.
+    Raises: ArithmeticError if the exchange does not converge.
     """
     points = [last * (1 - Decimal(float(np.cos(np.pi * k / grid)))) / 2 for k in range(grid + 1)]
     exact = [function(u) for u in points]
@@ -136,7 +136,7 @@ def remez(function: Callable, weight: Callable, order: int, last: Decimal, *, gr
         if extremes == nodes:
             return polynomial
         nodes = extremes
-    raise ArithmeticError("Remez' exchange did not settle")
+    raise ArithmeticError("Remez' exchange did not converge")
 
 
 def _alternation(error, count):

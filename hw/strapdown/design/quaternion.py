@@ -140,7 +140,7 @@ def smallest_order(method, largest_angle, *, wanted):
         coefficients = METHODS[method](order, largest_angle)
         if coefficients.worst()[0] <= wanted:
             return coefficients
-    raise ValueError(f"no order up to {HIGHEST_ORDER} has an error of {wanted:.3g} rad an update or less: "
+    raise ValueError(f"no order up to {HIGHEST_ORDER} has an error of {wanted:.3g} rad per update or less: "
                      f"sample faster, or accept {coefficients.worst()[0]:.3g} rad")
 
 

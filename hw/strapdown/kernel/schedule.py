@@ -177,12 +177,12 @@ class Schedule:
         for step in self.steps:
             node = step.node
             assert step.bus in buses[node], f"{node} cannot go over the {step.bus} bus"
-            assert step.write == step.issue + machine.delay(node), f"{node} is not there when it is written"
+            assert step.write == step.issue + machine.delay(node), f"{node} is not ready when it is written"
             if self.on_bus(step):
                 uses[BUSES[step.bus], self.slot(step.write)] += 1
             if step.unit == "input":
                 assert machine.first_input <= step.issue, f"{node} is too early"
-                assert not self.interval or step.issue < self.interval, f"{node} is gone by then"
+                assert not self.interval or step.issue < self.interval, f"{node} is no longer valid"
                 continue
             assert step.issue >= machine.first_issue, f"{node} is too early"
             assert step.unit in {unit.name for unit in machine.units(node)}, f"{step.unit} cannot compute {node}"

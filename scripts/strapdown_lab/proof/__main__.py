@@ -89,7 +89,7 @@ def exhaustive_command(only, part, jobs):
 def mutants_command(only, baseline, jobs):
     """Put single faults into copies of the package; the operators' tests must detect each of them."""
     for mutant, count in mutation.misplaced(ROOT / "hw" / "strapdown"):
-        raise click.ClickException(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
+        raise click.ClickException(f"{mutant.file} contains this {count} times, not once: {mutant.fragment}")
     mutants = [mutant for mutant in MUTANTS if re.search(only, mutant.file)]
     if not mutants:
         raise click.BadParameter(f"no file matches {only!r}", param_hint="--only")
@@ -103,7 +103,7 @@ def mutants_command(only, baseline, jobs):
     except RuntimeError as error:
         raise click.ClickException(str(error)) from None
     survivors = [verdict.mutant for verdict in verdicts if not verdict.killed]
-    console.print(f"{len(verdicts) - len(survivors)} of {len(verdicts)} faults noticed")
+    console.print(f"{len(verdicts) - len(survivors)} of {len(verdicts)} faults detected")
     if survivors:
         raise SystemExit(1)
 

@@ -1,11 +1,11 @@
-// Runs Verilated copies of an operator of one 32-bit operand over a range of operands and compares every
-// result with an expectation that is made here, from the host's arithmetic or from integers. The generated
+// Runs Verilated copies of an operator with one 32-bit operand over a range of operands. It compares every
+// result with an expectation that it computes with the host's arithmetic or with integers. The generated
 // ports.h names the module, and each copy's operand and result. All copies are started together.
 //
 //   MODEL EXPECTATION FLUSH LATENCY INTERVAL FIRST COUNT
 //
 // FLUSH is 1 if subnormals count as zeros; COUNT is a multiple of the number of copies. Prints a line "operand got wanted" in hexadecimal for each of the
-// first ten mismatches, then a line with the number of mismatches. Status 3: done was not where it belongs.
+// first ten mismatches, then a line with the number of mismatches. Status 3: done came in a wrong cycle.
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -29,7 +29,7 @@ static uint32_t encoding(float value) {
     return value != value ? QUIET : bits;
 }
 
-// IEEE 754 wants the host's square root and conversion correctly rounded, to nearest even.
+// IEEE 754 requires the host's square root and conversion to be correctly rounded, to nearest even.
 static uint32_t square_root(uint32_t bits) { return encoding(sqrtf(number(bits))); }
 
 static uint32_t from_int32(uint32_t bits) { return encoding(float(int32_t(bits))); }
@@ -43,7 +43,7 @@ static uint64_t significand(uint32_t bits, int *exponent) {
     return value;
 }
 
-// By integers: the greatest r with (2r - 1)**2 * x <= 2**(2n + 2), so that r is 2**n / sqrt(x) to nearest.
+// In integers: the greatest r with (2r - 1)**2 * x <= 2**(2n + 2), so r is 2**n / sqrt(x) rounded to nearest.
 static uint32_t reciprocal_square_root(uint32_t bits) {
     uint32_t size = bits & ~SIGN;
     if (size > INFINITE) return QUIET;
@@ -53,17 +53,17 @@ static uint32_t reciprocal_square_root(uint32_t bits) {
     int exponent;
     unsigned __int128 x = significand(bits, &exponent);
     if (exponent & 1) x <<= 1, exponent--;
-    // x lies from 2**23 to 2**25, hence 2**36 / sqrt(x) from 2**23.5 to 2**24.5: two scales.
+    // x is between 2**23 and 2**25, hence 2**36 / sqrt(x) between 2**23.5 and 2**24.5: two scales.
     int n = x > (1u << 24) ? 36 : 35;
     unsigned __int128 limit = (unsigned __int128)1 << (2 * n + 2);
     uint64_t r = uint64_t(std::ldexp(1 / std::sqrt(double(x)), n));
     while ((unsigned __int128)(2 * r + 1) * (2 * r + 1) * x <= limit) r++;
     while ((unsigned __int128)(2 * r - 1) * (2 * r - 1) * x > limit) r--;
-    // r * 2**(-n - exponent / 2), no tie: it would be dyadic with more bits than a power of four gives.
+    // r * 2**(-n - exponent / 2). Ties do not occur: a tie would have more bits than a power of four gives.
     return encoding(float(std::ldexp(double(r), -n - exponent / 2)));
 }
 
-// By integers: magnitude * 2**fraction_bits, cut off, and what was cut off against one half.
+// In integers: magnitude * 2**fraction_bits, cut off, and a comparison of the rest with one half.
 static uint32_t to_fixed(uint32_t bits, int width, int fraction_bits) {
     const uint64_t largest = (uint64_t(1) << (width - 1)) - 1;
     uint32_t size = bits & ~SIGN, mask = uint32_t((largest << 1) | 1);

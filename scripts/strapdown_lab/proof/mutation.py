@@ -38,7 +38,7 @@ def misplaced(package):
 def mutated(text, mutant):
     """A source file with the fault. Raises: ValueError unless the fragment occurs exactly once."""
     if (count := text.count(mutant.fragment)) != 1:
-        raise ValueError(f"{mutant.file} has {count} times, not once: {mutant.fragment}")
+        raise ValueError(f"{mutant.file} contains this {count} times, not once: {mutant.fragment}")
     return text.replace(mutant.fragment, mutant.replacement)
 
 
@@ -116,5 +116,5 @@ def _pytest(folder, tests, select):
 def table():
     """The number of faults in each file, as a Markdown table."""
     counts = Counter((mutant.file, mutant.test_file) for mutant in MUTANTS)
-    return markdown_table(["source", "faults:", "noticed by"], [
+    return markdown_table(["source", "faults:", "detected by"], [
         *([f"`{file}`", count, f"`{tests}`"] for (file, tests), count in counts.items()), ["all", counts.total(), ""]])

@@ -55,5 +55,5 @@ def simulated_cycles(core, verilog, build):
         cycles = CoreModel(core, verilog, build).update(inputs)["cycles"]
         counts = {*zip(cycles, cycles, strict=True)}
     if len(counts) != 1:
-        raise RuntimeError(f"the cycles of {core.system.name} depend on its inputs: {sorted(counts)}")
+        raise RuntimeError(f"the number of cycles of {core.system.name} depends on its inputs: {sorted(counts)}")
     return tuple(int(count) for count in counts.pop())

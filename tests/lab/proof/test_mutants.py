@@ -29,7 +29,7 @@ def test_every_operator_has_faults(root, folder):
 def test_fragment_must_occur_once():
     mutant = Mutant("fp/add.py", "a", "b", "")
     assert mutation.mutated("xay", mutant) == "xby"
-    with pytest.raises(ValueError, match=r"^fp/add\.py has 2 times, not once: a$"):
+    with pytest.raises(ValueError, match=r"^fp/add\.py contains this 2 times, not once: a$"):
         mutation.mutated("aa", mutant)
 
 
