@@ -56,8 +56,8 @@ def test_generate_writes_verilog_and_json(tmp_path):
      "strapdown: configuration thesis: description must be one line without control characters, not 'a\\u2028b'\n"),
     (["generate", "--config", "thesiss"], "strapdown: no configuration is called 'thesiss': choose from thesis, "),
     (["generate", "INS_topp"], "strapdown: no module or configuration is called 'INS_topp': 'strapdown list' shows"),
-    (["generate", "mahony", "--config", "thesis"], "strapdown: mahony names a configuration already: leave --config"),
-    (["generate", "INS_acc", "--module", "INS_top"], "strapdown: INS_acc is no configuration: choose from thesis, "),
+    (["generate", "mahony", "--config", "thesis"], "strapdown: mahony already names a configuration: omit --config"),
+    (["generate", "INS_acc", "--module", "INS_top"], "strapdown: INS_acc is not a configuration: choose from thesis, "),
     (["generate", "--module", "INS_acc", "--module", "SINS_top"],
      "strapdown: no configuration has all of INS_acc, SINS_top: name one with --config"),
     (["generate", "--config", "flight", "--module", "INS_top"],
@@ -77,7 +77,7 @@ def test_user_errors_are_one_line_and_status_2(arguments, message):
 
 
 def test_the_command_line_in_the_files_can_be_pasted(tmp_path, monkeypatch):
-    """Into a shell, whatever the words hold; it makes the same bytes."""
+    """Into a shell, with any characters; it makes the same bytes."""
     description = "it's \"quoted\"; $(false) `false` * Höhe 😀"
     monkeypatch.chdir(tmp_path)
     assert run("generate", "INS_matx", "--set", f"description={description}", "--output", "first").exit_code == 0

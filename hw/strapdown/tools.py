@@ -16,7 +16,7 @@ class ToolError(RuntimeError):
     status : int
         Exit status.
     output : str
-        What it wrote.
+        Its output.
 
     Attributes
     ----------

@@ -99,7 +99,7 @@ QUATERNION_OPTIONS: tuple[tuple[str, dict], ...] = (
 
 
 def quaternion_blocks(make_core=make_core):
-    """Tables of docs/quaternion.md, by the name of their block, but for that of a million updates."""
+    """Tables of docs/quaternion.md, by the name of their block, except that of a million updates."""
     config = QUATERNION_J2
     largest_angle = math.radians(config.rate_max_deg_s) * config.period_s
     errors = []

@@ -30,7 +30,7 @@ HEADER = ("Frame", "Status", *(f"{quantity.meaning.split(',')[0].capitalize()} (
 
 
 class MonitorError(ValueError):
-    """A port or file cannot be read; the message is one line."""
+    """A port or file cannot be read. The message is one line."""
 
 
 def read_port(port, baud_rate=None):
@@ -67,7 +67,7 @@ def _read_file(port):
             try:
                 data = os.read(descriptor, CHUNK)
             except OSError as error:
-                # The terminal is gone: its other side was closed, or its adapter unplugged.
+                # The terminal no longer exists: its other side was closed, or its adapter was disconnected.
                 if error.errno == errno.EIO:
                     return
                 raise MonitorError(f"cannot read {port}: {error.strerror}") from None
@@ -134,7 +134,7 @@ class _Window:
         except ImportError:
             has_window = False
         if not has_window:
-            raise MonitorError("--live needs a display, and there is none")
+            raise MonitorError("--live needs a display, but none is available")
         self._curves = Curves(figure)
         self._pause = plt.pause
 
@@ -153,19 +153,19 @@ def monitor(chunks, output, *, plot=None, live=False):
     chunks : generator of bytes
         From ``read_port``.
     output : Path
-        CSV file: one row per frame, with numbers that read back to the same bits. The first frame creates it.
+        CSV file: one row per frame, with enough digits to restore the same bits. The first frame creates it.
     plot : Path or None
         PNG file to draw at the end.
     live : bool
-        Whether to draw in a window at the same time.
+        True to draw in a window at the same time.
 
     Returns
     -------
     FrameDecoder
         With its counts.
 
-    Raises: MonitorError, also if the bytes held no frame, and then nothing is written; OSError if the output cannot
-    be written. The file has whole rows only, whatever happens.
+    Raises: MonitorError, also if the bytes contain no frame, in which case no file is written; OSError if the output
+    cannot be written. The file always has complete rows only.
     """
     with closing(chunks):
         # Port and display are opened before a file is overwritten.
@@ -199,7 +199,7 @@ def monitor(chunks, output, *, plot=None, live=False):
 class _Rows:
     """A CSV file that the first frames create: a context manager that closes it.
 
-    A row that cannot be written whole is not there at all.
+    A row that cannot be written completely is removed.
     """
 
     def __init__(self, path):
@@ -209,7 +209,7 @@ class _Rows:
         return self
 
     def append(self, frames):
-        """Write a row for each frame, at once. Raises: OSError."""
+        """Write a row for each frame immediately. Raises: OSError."""
         if not frames:
             return
         text = io.StringIO()
@@ -218,7 +218,7 @@ class _Rows:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("wb", buffering=0)
             writer.writerow(HEADER)
-        # str of a NumPy number is the shortest decimal that reads back to the same bits.
+        # str of a NumPy number is the shortest decimal that restores the same bits.
         writer.writerows((frame.number, frame.status, *map(str, frame.values)) for frame in frames)
         data, sent = text.getvalue().encode(), 0
         try:
@@ -226,7 +226,7 @@ class _Rows:
                 sent += self._file.write(data[sent:])
         except OSError:
             sent = data.rfind(b"\n", 0, sent) + 1
-            # A terminal or a pipe has no end to cut.
+            # A terminal or a pipe cannot be truncated.
             with suppress(OSError):
                 self._file.truncate(self._size + sent)
                 self._file.seek(0, os.SEEK_END)

@@ -38,10 +38,10 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
 
     Notes
     -----
-    The size of the difference is drawn on a logarithmic scale, as the largest value in each of at
+    The magnitude of the difference is drawn on a logarithmic scale, as the largest value in each of at
     most 600 equal groups of samples: that of the rotation, which is the error of the attitude, and those of the Euler
-    angles. Near ±90° pitch, roll and yaw turn about almost the same axis, and each may be far off where the attitude
-    is right. Jumps by a full turn are neither drawn nor counted.
+    angles. Near a pitch of ±90° roll and yaw are rotations about almost the same axis, and each may have a large error
+    although the attitude is correct. Jumps by a full turn are neither drawn nor counted.
     """
     time_s, hardware, reference_model = (np.asarray(a, float) for a in (time_s, hardware, reference_model))
     figure = Figure(figsize=(9.0, 8.4), dpi=150, layout="constrained")
@@ -67,7 +67,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
     difference.set_ylabel("|difference| (°)")
     difference.set_xlabel("time (s)")
     difference.legend(loc="lower right", ncols=4, frameon=False, fontsize="small", title_fontsize="small",
-                      title=f"{labels[0]} against {labels[1]}; where pitch is near 90°, roll and yaw tell little")
+                      title=f"{labels[0]} against {labels[1]}; roll and yaw have little meaning near a pitch of 90°")
 
     for axes in (*panels, difference):
         axes.grid(color=_GRID, linewidth=0.6)
@@ -82,7 +82,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
 
 
 def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings):
-    """Draw outputs of a core over time, a panel each, with those of the reference model behind them.
+    """Draw outputs of a core over time, each in one panel, with those of the reference model behind them.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
     time_s : ndarray, shape (N,)
         Time, seconds.
     hardware, reference_model : dict
-        Output port to numbers, shape (N,).
+        Map each output port to numbers, shape (N,).
     meanings : dict
-        Output port to its meaning, with the unit.
+        Maps each output port to its meaning, with the unit.
 
     Notes
     -----

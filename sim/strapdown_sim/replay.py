@@ -1,4 +1,4 @@
-"""A recording run through a generated core, compared with the reference and drawn."""
+"""Runs a recording through a generated core, compares the outputs with the reference, and draws them."""
 
 import csv
 import json
@@ -43,9 +43,9 @@ class Replay:
     Attributes
     ----------
     outputs : dict
-        The circuit's outputs by the kernel's names, as ``System.read`` gives them.
+        The circuit's outputs by the kernel's names, as from ``System.read``.
     summary : dict
-        What ``summary.json`` says.
+        Contents of ``summary.json``.
     quaternion : ndarray, shape (N, 4), or None
         Sensor to the configuration's navigation frame, scalar first, of the circuit's matrix.
     angles : ndarray, shape (N, 3), or None
@@ -63,35 +63,36 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
     The core is generated for the recording's sample rate. Its inputs ``a`` (m/s^2), ``m`` (uT) and ``g``
-    (deg/s), by the kernel's names, are the recording's; ``constant_inputs`` of the configuration gives all others.
-    The folder gets the core's ``.v`` and ``.json``, ``summary.json``, and
+    (deg/s), by the kernel's names, come from the recording; ``constant_inputs`` of the configuration gives all others.
+    The function writes the core's ``.v`` and ``.json``, ``summary.json``, and
 
-    - of a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
+    - for a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
       sensor to earth; pitch, roll, yaw in degrees) and ``attitude.png``;
-    - of any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``.
+    - for any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``.
 
-    The files take their places when all are written. If the replay fails or is interrupted, the folder is as before.
+    The files are moved into the folder after all are written. If the replay fails or is interrupted, the folder does
+    not change.
 
     Parameters
     ----------
     recording : Recording
     config : Config
-        Has one channel; its sample rate is replaced by the recording's.
+        A configuration with one channel; the recording's sample rate replaces its own.
     directory : Path
         Folder to write to.
     build : Path
         Folder for compiled models.
     command : sequence of str
-        Words of the command line that makes the Verilog again, without module and sample rate; empty if there is none.
+        Words of the command line that makes the Verilog again, without module and sample rate; empty for none.
     progress : callable or None
-        ``progress(stage, done, total)``, now and then; stages are "build", "simulate", "compare".
+        ``progress(stage, done, total)``, called from time to time; stages are "build", "simulate", "compare".
 
     Returns
     -------
     Replay
 
     Raises: SimulatorMissingError without g++ or Verilator, and ConfigError for a configuration of several channels,
-    or with inputs that a recording does not have, before anything is made; ToolError if g++ or Verilator fails;
+    or with inputs that a recording does not have, before any file is made; ToolError if g++ or Verilator fails;
     OSError if files cannot be written.
     """
     compiler()
@@ -149,7 +150,7 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
 
 
 def _status_counts(engine, result):
-    """Status bit of an engine to the number of updates that had it, in the order of the port."""
+    """Maps each status bit of an engine to the number of updates with this bit, in the order of the port."""
     if not engine.system.status_port:
         return {}
     status = result[engine.system.status_port]
@@ -157,7 +158,7 @@ def _status_counts(engine, result):
 
 
 def _spread(errors):
-    """Largest and RMS of errors that are finite, as JSON values, None if none is; and how many are not finite."""
+    """Largest and RMS of the finite errors, as JSON values, None if none is finite; and the number of the others."""
     finite = errors[np.isfinite(errors)]
     spread: dict = {"max": float(finite.max()), "rms": rms(finite)} if finite.size else {"max": None, "rms": None}
     if finite.size < errors.size:
@@ -166,7 +167,7 @@ def _spread(errors):
 
 
 def _attitude(recording, config, outputs, truth, directory, title, summary):
-    """The attitude that a core found, beside its float64 reference and what the recording knows: CSV and picture."""
+    """Attitude of a core, its float64 reference, and the reference of the recording: CSV and picture."""
     quaternion = quaternion_from_matrix(outputs["c"])
     # The core's order is pitch, roll, yaw.
     angles = outputs["angles"][:, [1, 0, 2]].astype(float)
@@ -202,7 +203,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
 
 
 def _outputs(recording, system, result, truth, directory, title, summary):
-    """All outputs of a core beside those of its kernel in float64: CSV and picture."""
+    """All outputs of a core, and those of its kernel in float64: CSV and picture."""
     turns = {port: "degrees" in meaning for port, meaning in system.port_meanings.items()}
     differences = {port: np.abs(angle_difference(result[port], truth[port]) if turns[port]
                                 else result[port] - truth[port]) for port in system.output_ports}
@@ -218,7 +219,7 @@ def _outputs(recording, system, result, truth, directory, title, summary):
 
 
 def _write_csv(path, time_s, columns):
-    """Write a CSV file: t in seconds, then each column of ``columns``, name to (numbers, decimals)."""
+    """Write a CSV file: t in seconds, then ``columns``, which maps names to (numbers, decimals)."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("t", *columns))

@@ -17,7 +17,7 @@ FORMAT = POOL.format
 def interpret(program, inputs, memory, bank, fresh):
     """Run the words of a program on a memory of encodings, in place; inputs are numbers."""
     units = {unit.name: unit for unit in program.units}
-    lead = program.schedule.pool.memory_delay - 1  # the address of an operand stands in an earlier word
+    lead = program.schedule.pool.memory_delay - 1  # the address of an operand is in an earlier word
     ports = dict(zip(program.schedule.graph.inputs, FORMAT.array(inputs), strict=True))
     aside = {}
     coming = {}  # maps (unit, cycle) to the result that comes out in it

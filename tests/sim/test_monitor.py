@@ -208,7 +208,7 @@ def test_a_full_device_is_one_line(frames, tmp_path):
     (["."], "cannot read .: Is a directory"),
     (["line.bin", "--output", "line.bin"], "--output would overwrite line.bin, which is read"),
     (["line.bin", "--output", "line.bin/nav.csv"], "cannot write to line.bin/nav.csv: "),
-    (["line.bin", "--live"], "--live needs a display, and there is none"),
+    (["line.bin", "--live"], "--live needs a display, but none is available"),
 ])
 def test_errors_are_one_line_and_write_nothing(frames, tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)

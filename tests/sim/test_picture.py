@@ -34,5 +34,5 @@ def test_exact_agreement_can_be_drawn(tmp_path):
 
 
 def test_the_rotation_angle_is_drawn(tmp_path):
-    """The figure of the tables has a line of its own: Euler angles say something else near the pole."""
+    """The figure in the tables has a separate line, because Euler angles differ from it near the pole."""
     assert draw(tmp_path / "a.png").read_bytes() != draw(tmp_path / "b.png", rotation=np.ones(len(TIME))).read_bytes()

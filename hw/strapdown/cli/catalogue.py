@@ -13,6 +13,6 @@ def list_configurations():
     click.echo("Configurations (--config NAME):")
     for config in CONFIGS.values():
         click.echo(f"  {config.name:<16}{config.description}")
-    click.echo("\nModules (--module NAME), each with the first configuration that has it:")
+    click.echo("\nModules (--module NAME), each with the first configuration that contains it:")
     for name, (config, *_) in MODULES.items():
         click.echo(f"  {name:<12}{config.name:<16}{system_of(name, config).title}")

@@ -1,4 +1,4 @@
-"""What commands share: mistakes told in one line, and how a configuration and a module are named."""
+"""Common parts of the commands: errors in one line, and the names of configurations and modules."""
 
 import importlib.util
 import re
@@ -19,11 +19,11 @@ __all__ = ["UserError", "changed", "command_line", "config_options", "configured
 DEFAULT = "thesis"
 
 OWN = "own_"
-"""Beginning of the module names of files of the user's own: no other module has such a name."""
+"""Prefix of the module names of users' files; no other module has such a name."""
 
 
 class UserError(click.ClickException):
-    """A mistake of the user's: one line, exit status 2."""
+    """An error of the user: one line, exit status 2."""
 
     exit_code = 2
 
@@ -32,7 +32,7 @@ class UserError(click.ClickException):
 
 
 class InterruptedByUserError(UserError):
-    """Ctrl-C: one line, and the exit status that shells give."""
+    """Ctrl-C: one line, and the exit status that shells use."""
 
     exit_code = 130
 
@@ -47,7 +47,7 @@ def writing(*places):
     Parameters
     ----------
     *places : Path
-        Files or folders that are written: the one that the system's error names, else the first.
+        Files or folders that are written. The message names the one in the system's error, else the first.
     """
     try:
         yield
@@ -64,8 +64,8 @@ def config_options(function):
         help="Change a field of the configuration, as in --set kp=1. May be repeated.")(function)
     return click.option(
         "--config", "config_name", metavar="NAME|FILE.py:NAME", default=None,
-        help="A configuration of 'strapdown list', or one in a Python file of your own.  "
-             "[default: the first that has the module, else thesis]")(function)
+        help="A configuration of 'strapdown list', or one in your own Python file.  "
+             "[default: the first that contains the module, else thesis]")(function)
 
 
 def named_configuration(name):
@@ -83,7 +83,7 @@ def named_configuration(name):
 
 
 def _module_of(path):
-    """A Python file as a module. Raises: UserError if there is none, or if it cannot be imported."""
+    """A Python file as a module. Raises: UserError if it does not exist, or cannot be imported."""
     if not path.is_file():
         raise UserError(f"there is no file {path}")
     if not path.stem.isidentifier():
@@ -93,9 +93,9 @@ def _module_of(path):
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # Where inspect and pydantic look for the module of a class.
+    # inspect and pydantic look for the module of a class here.
     sys.modules[name] = module
-    # A file may import its neighbours, as a script may.
+    # A file may import files in the same folder, like a script.
     sys.path.insert(0, str(path.resolve().parent))
     try:
         spec.loader.exec_module(module)
@@ -107,7 +107,7 @@ def _module_of(path):
 
 
 def own_line(error):
-    """File and line of the user's own that an exception comes from, or an empty string."""
+    """User's file and line in which an exception was raised, or an empty string."""
     frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)
               if frame.f_globals.get("__name__", "").startswith(OWN)]
     return f"{Path(frames[-1][0]).name}, line {frames[-1][1]}" if frames else ""
@@ -133,7 +133,7 @@ def changed(config, changes):
 
 
 def target_of(target, config_name, changes, modules=()):
-    """What a command works on.
+    """The configuration and modules that a command works on.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def target_of(target, config_name, changes, modules=()):
     -------
     config : Config
     modules : tuple of str
-        Modules that were asked for; empty if none was.
+        Requested modules; empty if none was requested.
     options : tuple of str
         Words that name the configuration on a command line.
 
@@ -159,10 +159,10 @@ def target_of(target, config_name, changes, modules=()):
     if target is not None:
         if re.fullmatch(r".*\.py:\w*", target) or target in CONFIGS:
             if config_name is not None:
-                raise UserError(f"{target} names a configuration already: leave --config away")
+                raise UserError(f"{target} already names a configuration: omit --config")
             config_name = target
         elif modules:
-            raise UserError(f"{target} is no configuration: choose from {', '.join(CONFIGS)}")
+            raise UserError(f"{target} is not a configuration: choose from {', '.join(CONFIGS)}")
         else:
             modules = (target,)
     if config_name is None:
@@ -176,7 +176,7 @@ def target_of(target, config_name, changes, modules=()):
 def configured(config_name, changes):
     """The words of a command line that name a configuration and its changes.
 
-    Files that are written tell how to make them again, but not where on this machine.
+    Generated files contain the command that makes them again, without paths of this machine.
     """
     return ("--config", Path(config_name).name, *(word for change in changes for word in ("--set", change)))
 
@@ -198,7 +198,7 @@ def _first_with(modules):
 
 
 def core_of(config, module=None):
-    """The core ``module``, or the main one, of a configuration. Raises: UserError."""
+    """The core ``module``, or the main core, of a configuration. Raises: UserError."""
     try:
         return make_core(module or main_module(config), config)
     except ValueError as error:

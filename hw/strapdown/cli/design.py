@@ -16,7 +16,7 @@ __all__ = ["design"]
 
 @click.group()
 def design():
-    """Find the numbers that a core is generated with."""
+    """Compute coefficients for the generation of a core."""
 
 
 @design.command("quaternion")
@@ -25,11 +25,11 @@ def design():
 @click.option("--period", "period_s", type=click.FloatRange(min=0, min_open=True), required=True, metavar="S",
               help="Update period T.")
 @click.option("--order", type=int, default=None, metavar="J",
-              help="Order of the polynomials, 2 to 8.  [default: 2, or the least that --error allows]")
+              help="Order of the polynomials, 2 to 8.  [default: 2, or the lowest that meets --error]")
 @click.option("--error", "wanted_deg_h", type=click.FloatRange(min=0, min_open=True), default=None, metavar="DEG/H",
-              help="Take the least order that drifts no faster than this at any rate.")
+              help="Select the lowest order whose drift at any rate is at most this.")
 @click.option("--method", type=click.Choice(list(METHODS)), default="minimax", show_default=True,
-              help="Least largest error, or the patent's sums of squares.")
+              help="Smallest maximum error, or the patent's sums of squares.")
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("build/design/quaternion.png"),
               show_default=True, help="Picture of the errors over the rate.")
 def design_quaternion(rate_max_deg_s, period_s, order, wanted_deg_h, method, output):
@@ -39,7 +39,7 @@ def design_quaternion(rate_max_deg_s, period_s, order, wanted_deg_h, method, out
     own rounding.
     """
     if order is not None and wanted_deg_h is not None:
-        raise UserError("--order and --error exclude each other: one of them fixes the order")
+        raise UserError("--order and --error exclude each other: give only one of them")
     largest_angle = math.radians(rate_max_deg_s) * period_s
     try:
         if wanted_deg_h is None:
@@ -52,7 +52,7 @@ def design_quaternion(rate_max_deg_s, period_s, order, wanted_deg_h, method, out
     for name, coefficients in ("a0", chosen.a0), ("d0", chosen.d0):
         for power, coefficient in enumerate(coefficients):
             click.echo(f"  {name}[{power}] = {coefficient!r}")
-    click.echo("worst errors:   angle, rad an update   drift, deg/h   norm, an update")
+    click.echo("worst errors:      angle, rad/update   drift, deg/h   norm per update")
     for name, dtype in ("binary64", "f8"), ("binary32", "f4"):
         angle, norm = chosen.rounded(dtype).worst()
         click.echo(f"  {name:<14}{angle:>20.3g}{math.degrees(angle) / period_s * 3600:>15.3g}{norm:>18.3g}")

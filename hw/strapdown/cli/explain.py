@@ -1,4 +1,4 @@
-"""The commands that look into a core: explain, schedule."""
+"""The commands that show the inside of a core: explain, schedule."""
 
 import re
 from pathlib import Path
@@ -17,7 +17,7 @@ TARGET = "MODULE|CONFIG|FILE.py:NAME"
 
 
 def _core_and_module(target, config_name, changes, module=None):
-    """The core that a command looks into, and its configuration and module."""
+    """The core that a command shows, and its configuration and module."""
     config, modules, _ = target_of(target, config_name, changes, () if module is None else (module,))
     module = modules[0] if modules else main_module(config)
     return core_of(config, module), config, module
@@ -27,7 +27,7 @@ def _core_and_module(target, config_name, changes, module=None):
 @click.argument("target", metavar=f"[{TARGET}]", required=False)
 @config_options
 @click.option("--module", metavar="NAME", default=None,
-              help="Module whose schedule is shown.  [default: the configuration's top]")
+              help="Module whose schedule is shown.  [default: the configuration's main module]")
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), default=None, metavar="FILE",
               help="Picture to write, .png or .svg.  [default: build/schedule/CONFIG_MODULE.png]")
 def schedule(target, config_name, changes, module, output):
@@ -50,14 +50,14 @@ def schedule(target, config_name, changes, module, output):
 @click.argument("target", metavar=TARGET)
 @config_options
 @click.option("--module", metavar="NAME", default=None,
-              help="Module that is explained.  [default: the configuration's top]")
-@click.option("--cycle", type=click.IntRange(min=0), help="Show this cycle only, with the whole chain of kernel lines.")
+              help="Module that is explained.  [default: the configuration's main module]")
+@click.option("--cycle", type=click.IntRange(min=0), help="Show only this cycle, with the whole chain of kernel lines.")
 @click.option("--line", "place", metavar="FILE:LINE|FILE:FUNCTION",
-              help="Show what a kernel line or function became, as in attitude.py:47.")
+              help="Show the operations of a kernel line or function, as in attitude.py:47.")
 def explain(target, config_name, changes, module, cycle, place):
-    """Lead from a ROM line of a module back to the line of the kernel, or the other way.
+    """Lead from a ROM line of a module to the line of the kernel, or from the kernel to the ROM.
 
-    Without options: the whole microprogram.
+    Without options, print the whole microprogram.
     """
     core, _, module = _core_and_module(target, config_name, changes, module)
     program = core.engine.program

@@ -35,8 +35,8 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 def generate(target, config_name, changes, modules, output):
     """Write <Module>.v and <Module>.json for each module of a configuration.
 
-    The configuration is one of 'strapdown list', or one in a Python file of your own. Each Verilog file is
-    self-contained Verilog-2001. Two runs give equal bytes.
+    The configuration is one of 'strapdown list', or one in your own Python file. Each Verilog file is self-contained
+    Verilog-2001. Two runs give equal bytes.
     """
     config, modules, options = target_of(target, config_name, changes, modules)
     directory = output or Path("build/verilog") / config.name
@@ -83,7 +83,7 @@ def operators(directory, latencies):
 @click.option("--clock-hz", type=click.FloatRange(min=1, max=1e12), default=100e6, show_default=True,
               help="Frequency of clk.")
 @click.option("--baud", "baud_rate", type=click.IntRange(min=1), default=921_600, show_default=True,
-              help="Bits a second on the serial line.")
+              help="Bits per second on the serial line.")
 def link(directory, config_name, changes, clock_hz, baud_rate):
     """Write SINS_uart, which is SINS_top with a serial link, to the folder DIRECTORY."""
     config = changed(named_configuration(config_name), changes)

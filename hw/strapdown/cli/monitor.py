@@ -12,16 +12,16 @@ __all__ = ["monitor"]
 @click.command()
 @click.argument("port")
 @click.option("--baud", "baud_rate", type=click.IntRange(min=1), metavar="N",
-              help="Open PORT as a serial port at this rate (needs pyserial). Without: read it as it is.")
+              help="Open PORT as a serial port at this rate (needs pyserial). Without it, PORT keeps its settings.")
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), default=Path("nav.csv"), show_default=True,
               help="CSV file to write.")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), default=None, metavar="FILE",
               help="PNG file to draw at the end.")
-@click.option("--live", is_flag=True, help="Draw in a window while frames come in.")
+@click.option("--live", is_flag=True, help="Draw in a window while frames arrive.")
 def monitor(port, baud_rate, output, plot, live):
     """Decode frames of SINS_uart from PORT: a serial port, a pseudo-terminal, or a recorded file.
 
-    Ends with the file, or with Ctrl-C.
+    It ends at the end of the file, or with Ctrl-C.
     """
     from strapdown_sim.monitor import MonitorError, read_port
     from strapdown_sim.monitor import monitor as run

@@ -4,9 +4,9 @@ __all__ = ["progress_bars"]
 
 
 def progress_bars():
-    """A rich ``Progress``, a context manager: a bar has a description, a count and the time passed.
+    """A rich ``Progress``, a context manager: a bar has a description, a count and the elapsed time.
 
-    Nothing is shown where standard error is no terminal, so that an error is the only line there.
+    Nothing is shown if standard error is not a terminal, so that an error is its only line.
     """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

@@ -18,15 +18,15 @@ __all__ = ["replay"]
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), required=True,
               help="Folder for the results (CSV, JSON, PNG) and the Verilog.")
 @click.option("--rate", "sample_rate_hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ",
-              help="Sample rate of an x-IMU export, which does not carry one.")
+              help="Sample rate of an x-IMU export, which does not contain one.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
-              show_default=True, help="Folder for compiled simulation models, which are kept.")
+              show_default=True, help="Folder that keeps the compiled simulation models.")
 def replay(recording, config_name, changes, output, sample_rate_hz, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
     RECORDING is a CSV file with units in its header, an x-IMU export, or an .npz archive; see
-    docs/recordings.md. The core is generated for the recording's sample rate. It is INS_top, INS_flight, or one of
-    your own whose inputs are called a (specific force), m (magnetic field) and g (angular rate) in its kernel.
+    docs/recordings.md. The core is generated for the recording's sample rate. It is INS_top, INS_flight, or your own
+    core, if the inputs of its kernel are called a (specific force), m (magnetic field) and g (angular rate).
     """
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.recordings import RecordingError, read_recording
@@ -89,5 +89,5 @@ def _print_summary(summary, output):
 
 
 def _figure(value, form, unit=""):
-    """A number with its unit, or a dash where there is none."""
+    """A number with its unit, or a dash if it is missing."""
     return "–" if value is None else f"{value:{form}}{unit}"

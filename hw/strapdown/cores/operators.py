@@ -165,12 +165,12 @@ class RankedOperator(Described):
     def sections(self):
         """Timing and numbers."""
         timing = (
-            f"Operands are taken at each rising edge of clk with {self._kind.new_data} and ce high, one operation a "
+            f"Operands are taken at each rising edge of clk with {self._kind.new_data} and ce high, one operation per "
             f"cycle. rdy is high with the result {self._latency} edges with ce high later, counting the first one. "
             "While ce is low, all registers hold. sclr high at a rising edge cancels all operations in flight, "
-            "whatever ce is.")
+            "with ce high or low.")
         ranks = f"The operator has {self._operator.latency} register ranks" + (
-            f"; {self.extra_ranks} more follow it, which synthesis may move into it (retiming)."
+            f"; {self.extra_ranks} more follow it. Synthesis may move these into it (retiming)."
             if self.extra_ranks else ".")
         return Section("TIMING", paragraphs=(timing, ranks)), Section("NUMBERS", paragraphs=self.notes)
 

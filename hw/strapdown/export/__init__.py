@@ -1,3 +1,3 @@
-"""What leaves the generator: Verilog files and their descriptions."""
+"""Output of the generator: Verilog files and their descriptions."""
 
 from .verilog import *

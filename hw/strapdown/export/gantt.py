@@ -10,7 +10,7 @@ __all__ = ["schedule_summary", "schedule_picture"]
 
 
 def schedule_summary(schedule, latency):
-    """Lines: length against its bounds, how busy the units are, the critical path with its kernel lines.
+    """Lines: length and its bounds, utilisation of the units, critical path with its kernel lines.
 
     If several updates are in flight, the interval between them is compared with its bounds.
 
@@ -37,11 +37,11 @@ def schedule_summary(schedule, latency):
 
 
 def schedule_picture(schedule, latency, title, path):
-    """Draw a schedule of one update: a row a unit, a bar a cycle range in which it works, coloured by section.
+    """Draw a schedule of one update: one row per unit, one bar per operation, coloured by section.
 
-    Full colour is where a unit can take no other operation, pale where one is on its way through a pipeline; the
-    critical path is drawn as a line. If several updates are in flight, dotted lines mark where further ones begin.
-    ``path`` tells the format by its suffix; ``latency`` is as in ``schedule_summary``.
+    Full colour means that the unit can take no other operation, pale colour that the operation is in the pipeline. A
+    line marks the critical path. If several updates are in flight, dotted lines mark the starts of further updates.
+    The suffix of ``path`` selects the format; ``latency`` is as in ``schedule_summary``.
     """
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch

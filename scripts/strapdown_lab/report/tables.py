@@ -58,7 +58,7 @@ def core_table(report):
              row["xc7"]["memory_lut"], f"{row['xc7']['ff']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}",
              _frequency(row)] for row in report["cores"]]
     if any("ecp5" in row for row in report["cores"]):
-        head.append("µs an update:")
+        head.append("µs per update:")
         for cells, row in zip(rows, report["cores"], strict=True):
             cells.append(f"{microseconds(row):.2f}" if "ecp5" in row else "–")
     return markdown_table(head, rows)
@@ -79,7 +79,7 @@ def anchor_table():
     def count(value):
         return "–" if value is None else f"{value:,}"
 
-    return markdown_table(["design", "what it computes", "LUT:", "FF:", "DSP:", "µs an update:", "figures"],
+    return markdown_table(["design", "what it computes", "LUT:", "FF:", "DSP:", "µs per update:", "figures"],
                   [[anchor.design, anchor.algorithm, count(anchor.lut), count(anchor.ff), count(anchor.dsp),
                     f"{anchor.microseconds:g}", anchor.basis] for anchor in CORE_ANCHORS])
 

@@ -227,6 +227,6 @@ class VerilatedModel:
 
 
 def _feed(pipe, rows):
-    # A model that ends early takes no more rows; its status tells.
+    # A model that ends early takes no more rows; its exit status shows this.
     with suppress(BrokenPipeError), pipe:
         pipe.write(rows.tobytes())
