@@ -24,7 +24,7 @@ class Core(Top):
     Members
     -------
     clk, rst_n : In(1)
-        Clock, rising edge; reset, active low, asynchronous.
+        Clock, rising edge; reset, active low, as of ``Top``.
     All others are the engine's.
 
     Latency: ``latency`` clock cycles, the same in every update.

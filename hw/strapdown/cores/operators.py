@@ -37,7 +37,7 @@ MAXIMUM_LATENCY = 64
 
 
 VENDOR_CONTROL = Control(
-    CLOCK, Port("sclr", In, 1, "synchronous clear, overrides ce"), reset_level=1, asynchronous=False,
+    CLOCK, Port("sclr", In, 1, "synchronous clear, overrides ce"), reset_level=1, reset_stages=0,
     enable=Port("ce", In, 1, "clock enable"))
 """Clock, clear and enable of the vendor's cores. A clock domain's reset overrides the enable, so sclr overrides ce."""
 

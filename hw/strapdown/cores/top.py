@@ -141,8 +141,10 @@ class Control:
         The clock acts at its rising edge.
     reset_level : int
         Level of ``reset`` that resets.
-    asynchronous : bool
-        Whether the reset acts without a clock edge.
+    reset_stages : int
+        Registers that ``reset`` passes before it acts, always at a clock edge. With none, ``reset`` must be
+        synchronous to ``clock``. With two, it may change at any time. After power-up they hold the level that resets,
+        so that the registers behind them leave their initial values only when all of them see the clock.
     enable : Port or None
         Clock enable: while it is low, registers hold, unless the reset acts.
     """
@@ -150,7 +152,7 @@ class Control:
     clock: Port
     reset: Port
     reset_level: int
-    asynchronous: bool
+    reset_stages: int
     enable: Port | None = None
 
     @property
@@ -160,8 +162,9 @@ class Control:
 
 
 CLOCK = Port("clk", In, 1, "clock, rising edge")
-CORE_CONTROL = Control(CLOCK, Port("rst_n", In, 1, "reset, active low, asynchronous"), reset_level=0,
-                       asynchronous=True)
+CORE_CONTROL = Control(
+    CLOCK, Port("rst_n", In, 1, "reset, active low, at any time for three clock periods; acts at clock edges"),
+    reset_level=0, reset_stages=2)
 """Clock and reset of the cores."""
 
 
@@ -181,7 +184,9 @@ class Top(Described):
     Members
     -------
     clk, rst_n : In(1)
-        Clock, rising edge; reset, active low, asynchronous. A ``control`` may have others.
+        Clock, rising edge; reset, active low. The reset may change at any time, and must be low for three clock
+        periods. It acts at the second or third rising edge after it falls, and until the second or third one after
+        it rises; without a clock it does nothing. A ``control`` may have other ports.
     All others are the component's.
 
     Latency: ``latency`` clock cycles, the component's.
@@ -221,11 +226,19 @@ class Top(Described):
         if control.enable:
             component = EnableInserter(getattr(self, control.enable.name))(component)
         fragment = Fragment.get(component, platform)
-        fragment.add_domains(ClockDomain("sync", async_reset=control.asynchronous))
+        # The reset is synchronous: an asynchronous one can change the address of a block RAM just before a clock
+        # edge, and thereby destroy its contents (UG473, "Block RAM Attributes"; AR 42571).
+        fragment.add_domains(ClockDomain("sync"))
         # Clock and reset stand first, before what uses them.
         own, fragment.statements = fragment.statements, {}
-        fragment.add_statements("comb", ClockSignal().eq(getattr(self, control.clock.name)),
-                                ResetSignal().eq(reset if control.reset_level else ~reset))
+        fragment.add_statements("comb", ClockSignal().eq(getattr(self, control.clock.name)))
+        resets = reset if control.reset_level else ~reset
+        for stage in range(control.reset_stages):
+            # These registers are neither reset nor enabled.
+            sampled = Signal(name=f"reset_{stage}", init=1, reset_less=True, attrs={"ASYNC_REG": "TRUE"})
+            fragment.add_statements("sync", sampled.eq(resets))
+            resets = sampled
+        fragment.add_statements("comb", ResetSignal().eq(resets))
         for domain, statements in own.items():
             fragment.add_statements(domain, statements)
         return fragment

@@ -34,15 +34,16 @@ class Engine(SystemComponent):
     -------
     *start*, *finish* : In(1), Out(1)
         The start is sampled at the clock edge while the engine is idle, and with it all inputs.
-        The finish falls at that edge and rises with the outputs.
+        The finish falls at that edge and rises with the outputs. While the reset acts and at the edge after,
+        starts are ignored.
     *input ports* : In(format.width), or a number of bits that the system says
     *output ports* : Out(format.width)
         Hold from one finish to the next; all change in one cycle. After a reset they show the
         reset state where they are state, else zero.
     *status* : Out(len(status_names))
         Bits in the order of ``status_names``, if the system has a status port. They change with
-        the finish; ``ignored`` is set by a start while an update runs and cleared by the next
-        start that is taken.
+        the finish; ``ignored`` is set by a start that is ignored and cleared by the next one that is taken. During a
+        reset all are low.
 
     All members have the names that the system gives them.
 
@@ -141,7 +142,8 @@ class Engine(SystemComponent):
         """The state of the update and the fetched word: a Control.
 
         The ROM output is registered twice: ``fetched`` is the word after the one that acts, and the program counter is
-        one ahead of that. While the engine is idle the first word waits in ``fetched``.
+        one ahead of that. While the engine is idle the first word waits in ``fetched``: it is ``primed`` when that word
+        has come out of the ROM, at the first edge at which no reset acts.
         """
         program = self._program
         start, finish = (getattr(self, name) for name in (self._system.start, self._system.finish))
@@ -156,7 +158,7 @@ class Engine(SystemComponent):
         fetched, word = [Signal(program.layout) for _ in range(2)]
         last, taken = Signal(name="last"), Signal(name="taken")
         m.d.comb += [fetch.addr.eq(counter), fetched.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
-                     fetch.en.eq((running & ~last) | ~primed), taken.eq(idle & start)]
+                     fetch.en.eq((running & ~last) | ~primed), taken.eq(idle & primed & start)]
         m.d.sync += primed.eq(1)
         with m.If(fetch.en):
             m.d.sync += counter.eq(Mux(counter == program.length - 1, 0, counter + 1))
@@ -285,8 +287,11 @@ class Engine(SystemComponent):
                 m.d.sync += status[name].eq(flag & ~refused)
         with m.If(control.ending):
             m.d.sync += status[REFUSED].eq(refused)
-        with m.If(control.start):
-            m.d.sync += status[IGNORED].eq(~control.idle)
+        # A start during a reset waits for its end: until then all bits are low.
+        early = Signal(name="early", reset_less=True)
+        m.d.sync += early.eq(ResetSignal() & (control.start | early))
+        with m.If(control.start | early):
+            m.d.sync += status[IGNORED].eq(~control.taken)
 
 
 class Control(NamedTuple):

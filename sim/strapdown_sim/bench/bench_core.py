@@ -5,7 +5,7 @@ import math
 import cocotb
 import numpy as np
 
-from strapdown_sim.bench.handshake import CoreDriver
+from strapdown_sim.bench.handshake import RESET_CYCLES, CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
 from strapdown_sim.stimuli.thesis import TABLES
 from strapdown_sim.truth import module_outputs
@@ -168,7 +168,7 @@ async def ignored_start_sets_its_bit(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def reset_in_the_middle(dut):
-    """A short reset at any time ends the update and resets the state; the next update equals the first one."""
+    """A reset at any time ends the update and resets the state; the next update is a first one."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     assert driver.outputs() == core.engine.reset_outputs
@@ -185,7 +185,50 @@ async def reset_in_the_middle(dut):
         assert not driver.finish.value
         assert driver.outputs() == core.engine.reset_outputs
         assert driver.status() == set()
-        await driver.cycles(2)
+        await driver.cycles(RESET_CYCLES)
         assert not driver.finish.value
         assert await driver.update(second | OFF) == core.latency
         assert driver.bits() == expected
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def reset_without_a_clock_edge_does_nothing(dut):
+    """A reset that comes and goes between two edges, in the middle of an update, changes nothing."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    sample, = samples(1)
+    await driver.update(sample)
+    expected = driver.bits()
+    await driver.reset()
+    await driver.begin(sample)
+    await driver.assert_reset(0)
+    for cycle in range(core.latency):
+        assert driver.bits() == driver.reset_bits(), cycle
+        await driver.cycles(1)
+    assert driver.finish.value
+    assert driver.bits() == expected
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def starts_right_after_a_reset_are_ignored(dut):
+    """A start in the first three cycles does nothing but to set its bit; the fourth is taken."""
+    driver = CoreDriver(dut, core)
+    await driver.reset()
+    sample, = samples(1)
+    await driver.update(sample)
+    expected, status = driver.bits(), driver.status()
+    for waits in range(RESET_CYCLES + 1):
+        await driver.assert_reset()
+        await driver.cycles(waits)
+        await driver.begin(sample)
+        if waits == RESET_CYCLES:
+            assert driver.status() == set()
+            await driver.cycles(core.latency)
+            assert driver.finish.value
+            assert (driver.bits(), driver.status()) == (expected, status)
+            continue
+        for _ in range(core.latency + RESET_CYCLES):
+            await driver.cycles(1)
+            assert not driver.finish.value
+            assert driver.bits() == driver.reset_bits()
+        assert driver.status() == ({"ignored"} if core.system.status_port else set())

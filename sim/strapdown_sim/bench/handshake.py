@@ -4,9 +4,12 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge, Timer
 
-__all__ = ["CoreDriver"]
+__all__ = ["RESET_CYCLES", "CoreDriver"]
 
 PERIOD_NS = 10
+
+RESET_CYCLES = 3
+"""Cycles that the reset is low, and that starts are ignored after it."""
 
 
 class CoreDriver:
@@ -26,24 +29,23 @@ class CoreDriver:
         self.finish = getattr(dut, core.system.finish)
 
     async def reset(self):
-        """Start the clock if necessary, reset asynchronously, leave all inputs idle."""
+        """Start the clock if need be, reset, leave everything idle and ready for a start."""
         if not self._running:
             Clock(self._dut.clk, PERIOD_NS, unit="ns").start()
             self._running = True
         self.start.value = 0
         self.drive(dict.fromkeys(self.system.input_ports, 0.0))
-        self._dut.rst_n.value = 0
-        await Timer(3 * PERIOD_NS, unit="ns")
         await FallingEdge(self._dut.clk)
-        self._dut.rst_n.value = 1
+        await self.assert_reset()
+        await self.cycles(RESET_CYCLES)
 
-    async def assert_reset(self):
-        """Pull the reset low between two clock edges, for less than a cycle."""
+    async def assert_reset(self, cycles=RESET_CYCLES):
+        """Pull the reset low between two clock edges, and release it so many cycles later."""
         await Timer(PERIOD_NS / 5, unit="ns")
         self._dut.rst_n.value = 0
+        await self.cycles(cycles)
         await Timer(PERIOD_NS / 5, unit="ns")
         self._dut.rst_n.value = 1
-        await FallingEdge(self._dut.clk)
 
     async def cycles(self, count):
         """Wait for ``count`` clock cycles."""
@@ -58,6 +60,10 @@ class CoreDriver:
     def bits(self):
         """Encodings at the output ports, as a dict of ints."""
         return {port: int(getattr(self._dut, port).value) for port in self.system.output_ports}
+
+    def reset_bits(self):
+        """Encodings at the output ports after a reset, as a dict of ints."""
+        return {port: self._format.encode(value) for port, value in self.core.engine.reset_outputs.items()}
 
     def outputs(self):
         """Numbers at the output ports, as a dict of floats."""

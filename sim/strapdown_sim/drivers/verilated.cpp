@@ -35,6 +35,8 @@ static void reset() {
     dut->RESET = RESET_ACTIVE;
     for (int cycle = 0; cycle < 3; cycle++) tick();
     dut->RESET = !RESET_ACTIVE;
+    // It acts a little longer.
+    for (int cycle = 0; cycle < 3; cycle++) tick();
 #endif
 }
 
