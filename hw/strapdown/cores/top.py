@@ -1,6 +1,6 @@
 """From an engine to a Verilog module: wrappers around it, and the top that adds clock and reset."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from amaranth import *
 from amaranth.lib.wiring import In
@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In
 from strapdown.component import Described
 from strapdown.kernel.description import Port
 
-__all__ = ["CLOCK", "CORE_CONTROL", "Control", "Port", "Top", "Wrapper", "through"]
+__all__ = ["CLOCK", "CORE_CONTROL", "ENABLED_CORE_CONTROL", "Control", "Port", "Top", "Wrapper", "through"]
 
 
 def through(outer, inner, names):
@@ -166,6 +166,10 @@ CORE_CONTROL = Control(
     CLOCK, Port("rst_n", In, 1, "reset, active low, at any time for three clock periods; acts at clock edges"),
     reset_level=0, reset_stages=2)
 """Clock and reset of the cores."""
+
+ENABLED_CORE_CONTROL = replace(
+    CORE_CONTROL, enable=Port("ce", In, 1, "clock enable: while it is low nothing changes, but for a reset"))
+"""Clock, reset and clock enable of the cores that have one."""
 
 
 class Top(Described):

@@ -168,7 +168,8 @@ class StreamEngine(SystemComponent):
         primed = Signal(name="primed")
         m.d.sync += primed.eq(1)
         m.d.comb += [
-            self.in_ready.eq(beginning & primed & ~busy.bit_select(self.in_channel, 1)), taken.eq(start & self.in_ready),
+            self.in_ready.eq(beginning & primed & ~busy.bit_select(self.in_channel, 1)),
+            taken.eq(start & self.in_ready),
             goes.eq(~beginning | taken | Cat(stages.valid).any()),
             following.eq(Mux(counter == length - 1, 0, counter + goes))]
         m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]

@@ -30,7 +30,8 @@ _UNCOUNTED = {"CARRY4", "MUXF7", "MUXF8", "BUFG", "IBUF", "OBUF", "$scopeinfo"}
 _CLOCKED = {*_REGISTERS, *_BLOCK_RAMS, "DSP48E1"}
 _ASYNCHRONOUS = {"FDCE": "CLR", "FDPE": "PRE", "FDCE_1": "CLR", "FDPE_1": "PRE"}
 # Pins that must keep their setup time: those of distributed RAM are the write address and the write enable.
-_GUARDED = {**dict.fromkeys(_BLOCK_RAMS, ("ADDR", "EN", "WE", "REGCE")), "DSP48E1": ("CE", "OPMODE", "ALUMODE", "INMODE"),
+_GUARDED = {**dict.fromkeys(_BLOCK_RAMS, ("ADDR", "EN", "WE", "REGCE")),
+            "DSP48E1": ("CE", "OPMODE", "ALUMODE", "INMODE"),
             **{kind: ("WE", "ADDRD" if kind.endswith("M") else "A") for kind in _MEMORY_LUTS if kind.startswith("RAM")}}
 
 
@@ -111,8 +112,8 @@ def asynchronous_paths(verilog: str, top: str, cache: Cache) -> tuple[tuple[str,
     verilog, top, cache
         As of ``synthesise_xc7``.
 
-    Returns: pairs of the kind of a register and the pin that it reaches, through LUTs, carry chains and the read ports of
-    distributed RAM, each pair once. Raises: ToolMissingError; RuntimeError if Yosys fails.
+    Returns: pairs of the kind of a register and the pin that it reaches, through LUTs, carry chains and the read
+    ports of distributed RAM, each pair once. Raises: ToolMissingError; RuntimeError if Yosys fails.
     """
     # Registers, RAM and DSP blocks are those of the part by then; what lies between may be any gates.
     script = (f"read_verilog top.v; synth_xilinx -family xc7 -flatten -run begin:map_luts -top {top}; "

@@ -38,7 +38,8 @@ class CoreModel:
             probes |= {name: (f"{system.name}_engine", name, engine + name) for name in ("bank", "fresh")}
         outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
         self._model = VerilatedModel(verilog, Interface(
-            system.name, system.input_ports, outputs, start=system.start, finish=system.finish, probes=probes), build)
+            system.name, system.input_ports, outputs, start=system.start, finish=system.finish,
+            enable=core.control.enable.name if core.control.enable else "", probes=probes), build)
 
     def update(self, inputs: Mapping[str, ArrayLike], *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:

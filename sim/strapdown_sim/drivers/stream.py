@@ -45,7 +45,8 @@ class StreamModel:
         self._model = VerilatedModel(verilog, Interface(
             system.name, (*system.input_ports, "in_channel"),
             (*system.output_ports, "out_channel", *([system.status_port] if system.status_port else [])),
-            start=system.start, finish=system.finish, ready="in_ready", probes=probes), build)
+            start=system.start, finish=system.finish, ready="in_ready",
+            enable=core.control.enable.name if core.control.enable else "", probes=probes), build)
 
     def update(self, channels: ArrayLike, inputs: Mapping[str, ArrayLike], idle: ArrayLike = 0, *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:

@@ -150,6 +150,9 @@ int main(int argc, char **argv) {
     dut = new MODEL_TYPE;
     static char buffer[1 << 16];
     setvbuf(stdout, buffer, _IOFBF, sizeof buffer);
+#ifdef ENABLE
+    dut->ENABLE = 1;
+#endif
     reset();
     if (argc == 2 && !strcmp(argv[1], "stream")) {
         stream();

@@ -38,6 +38,8 @@ class Interface:
         Names of these ports; an empty ``reset`` means none.
     reset_active : int
         Level of ``reset`` that resets.
+    enable : str
+        Name of a clock enable, which is always high; empty means none.
     probes : dict
         Internal signals to read after a transaction: maps a name to (module, variable, C++ expression
         under the Verilated root).
@@ -52,6 +54,7 @@ class Interface:
     clock: str = "clk"
     reset: str = "rst_n"
     reset_active: int = 0
+    enable: str = ""
     probes: dict[str, tuple[str, str, str]] = field(default_factory=dict)
 
     def header(self):
@@ -60,6 +63,8 @@ class Interface:
                  f"#define MODEL_TYPE V{self.top}", f"#define CLOCK {self.clock}"]
         if self.reset:
             lines += [f"#define RESET {self.reset}", f"#define RESET_ACTIVE {self.reset_active}"]
+        if self.enable:
+            lines.append(f"#define ENABLE {self.enable}")
         if self.start:
             lines += [f"#define START {self.start}", f"#define FINISH {self.finish}"]
         if self.ready:
