@@ -296,7 +296,7 @@ class CordicAtan2(CordicComponent):
                 m.next = "NORMALISE_Y" if fmt.gradual else "PREPARE"
 
         m.d.sync += self.done.eq(0)
-        with m.FSM():
+        with m.FSM() as fsm:
             with m.State("IDLE"):
                 accept()
             if fmt.gradual:
@@ -320,6 +320,7 @@ class CordicAtan2(CordicComponent):
                 m.d.sync += [getattr(self, name).eq(value) for name, value in vars(self._round(m, r)).items()]
                 m.d.sync += self.done.eq(1)
                 accept()
+        self._lead_back(m, fsm)
 
     @staticmethod
     def _registers(values, shapes, registers=None):

@@ -81,6 +81,16 @@ class CordicComponent(Described):
         return 0.5 + self.error_bound
 
     @staticmethod
+    def _lead_back(m, fsm):
+        """Lead the codes of a state machine that stand for no state back to the first state.
+
+        A synthesis tool that chose other codes would drop this.
+        """
+        fsm.state.attrs["fsm_encoding"] = "none"
+        with m.If(fsm.state >= len(fsm.encoding)):
+            m.d.sync += fsm.state.eq(fsm.state.init)
+
+    @staticmethod
     def _rank(m, name, values):
         """The same values one cycle later; only ``valid`` has a reset."""
         registered = SimpleNamespace()

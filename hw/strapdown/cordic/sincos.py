@@ -282,7 +282,7 @@ class CordicSinCos(CordicComponent):
                 m.next = "REDUCE"
 
         m.d.sync += self.done.eq(0)
-        with m.FSM():
+        with m.FSM() as fsm:
             with m.State("IDLE"):
                 accept()
             with m.State("REDUCE"):
@@ -303,6 +303,7 @@ class CordicSinCos(CordicComponent):
                 m.d.sync += [getattr(self, name).eq(value) for name, value in vars(self._round(m, r)).items()]
                 m.d.sync += self.done.eq(1)
                 accept()
+        self._lead_back(m, fsm)
 
     @staticmethod
     def _carried(s, *names):

@@ -46,7 +46,7 @@ def tidy(text):
     gets a number. A submodule is named after the top and its place in it.
     """
     text = re.sub(r"^/\*.*?\*/\n+", "", text, flags=re.DOTALL)
-    text = re.sub(r"^\s*\(\*(?! (?:r[ao]m_style|ASYNC_REG)).*?\*\)\n", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^\s*\(\*(?! (?:r[ao]m_style|ASYNC_REG|fsm_encoding)).*?\*\)\n", "", text, flags=re.MULTILINE)
     modules = re.split(r"(?<=endmodule)\n", text)
     submodules = {escaped: escaped.replace(".", "_") for escaped in re.findall(r"^module \\(\S+)", text, re.MULTILINE)}
     return "\n".join(_tidy_module(module, submodules) for module in modules)

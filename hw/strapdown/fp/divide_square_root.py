@@ -147,16 +147,18 @@ class DigitRecurrence(Described):
 
     def _iterate(self, m):
         begun = self._begin(m, self._normalise(m, self._unpack(m)))
-        # A leading one is shifted in front of the quotient; when it reaches the top, the recurrence ends.
+        # A one runs ahead of the quotient: its arrival at the top ends the recurrence. If an upset takes it away, the
+        # recurrence ends a cycle after no bit of the quotient is left.
         begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
                                for name, value in vars(begun).items()})
         steps = self._advance(m, s)
 
-        # The rounding cycle is the last to read the registers, so a new operation may load them in it.
-        busy, finishing, accept = Signal(), Signal(), Signal()
+        # The rounding cycle is the last look at the registers, so it may fill them anew.
+        busy, finishing, accept, empty = (Signal(name=name) for name in ("busy", "finishing", "accept", "empty"))
         m.d.comb += [finishing.eq(busy & s.quotient[-1]), accept.eq(self.start & (~busy | finishing))]
-        m.d.sync += [busy.eq(accept | (busy & ~finishing)), self.done.eq(finishing)]
+        m.d.sync += [busy.eq(accept | (busy & ~finishing & ~empty)), self.done.eq(finishing),
+                     empty.eq(~(accept | s.quotient.any()))]
 
         for name in self._stepped:
             m.d.sync += getattr(s, name).eq(getattr(steps[-1], name))

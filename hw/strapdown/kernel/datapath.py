@@ -42,13 +42,15 @@ def operand_registers(m, program, word, fetch):
     return ports
 
 
-def operators(m, program, word, components, ports, results=None):
+def operators(m, program, word, components, ports, *, rest=None, results=None):
     """The operators as submodules, each with its operands, its modes and a start a cycle after the word.
 
+    ``rest``, if given, is high while no update is in flight: it resets the operators, whatever an upset has left in them.
     ``results`` are signals for their results, by name of the unit, if the buses do not take them from the units.
     """
     for unit in program.units:
-        m.submodules[unit.name] = component = components[unit.name]
+        component = components[unit.name]
+        m.submodules[unit.name] = component if rest is None else ResetInserter(rest)(component)
         if results:
             m.d.comb += results[unit.name].eq(component.result)
         begin = Signal(name=f"{unit.name}_start")

@@ -50,8 +50,10 @@ class Engine(SystemComponent):
     Latency: ``latency`` cycles from the edge that takes the start to the one that raises the
     finish, in every update. A new start can be taken at the edge after.
     State: kept in two banks; an update reads the one and writes the other, and its last cycle
-    makes the other the current one. An update that is refused, because a number it wrote was
-    NaN or infinite, leaves state and outputs as they were.
+    makes the other the current one. An update that is refused leaves state and outputs as they were: one that wrote
+    NaN or infinity, if there is a status port, and one whose end does not come in the last cycle of the schedule.
+    Upsets: from any contents of the registers the engine is idle within twice the latency, if no start comes; the next
+    update takes the latency, and is that of the state in memory.
     """
 
     def __init__(self, system, pool):
@@ -129,46 +131,51 @@ class Engine(SystemComponent):
         control = self._sequencer(m)
         word = self._word(m, control)
         captured = self._inputs(m, control)
-        writes = self._datapath(m, word, captured)
-        commit = Signal()
-        refused = Signal()
-        m.d.comb += commit.eq(control.ending & ~refused)
+        writes = self._datapath(m, control, word, captured)
+        commit, special = Signal(), Signal()
+        m.d.comb += commit.eq(control.ending & control.complete & ~special)
         self._outputs(m, control, writes, commit)
         if self.status_names:
-            self._status(m, control, writes, refused)
+            self._status(m, control, writes, commit, special)
         return m
 
     def _sequencer(self, m):
         """The state of the update and the fetched word: a Control.
 
         The ROM output is registered twice: ``fetched`` is the word after the one that acts, and the program counter is
-        one ahead of that. While the engine is idle the first word waits in ``fetched``: it is ``primed`` when that word
-        has come out of the ROM, at the first edge at which no reset acts.
+        one ahead of that. While the engine is idle the first word is fetched in every cycle: the engine is ``primed``
+        when it has come out of the ROM, at the first edge at which no reset acts.
+
+        Another counter counts the cycles that are left, down to -1. An update whose program ends in another cycle is
+        not ``complete``: a counter or the state was upset. Both counters are set while no update runs.
         """
         program = self._program
         start, finish = (getattr(self, name) for name in (self._system.start, self._system.finish))
         IDLE, END = 0, len(self.state_names) - 1
         state = Signal(range(END + 1), init=IDLE)
-        counter, primed = Signal(range(program.length)), Signal(name="primed")
+        counter, left = Signal(range(program.length), name="counter"), Signal(range(-1, program.length), name="left")
+        primed, complete = Signal(name="primed"), Signal(name="complete")
         idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
-        m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END), running.eq(~(idle | ending))]
+        m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END), running.eq(~idle & (state < END))]
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs={"rom_style": program.schedule.pool.microcode.value})
         fetch = rom.read_port()
         fetched, word = [Signal(program.layout) for _ in range(2)]
-        last, taken = Signal(name="last"), Signal(name="taken")
+        last, due, taken = Signal(name="last"), Signal(name="due"), Signal(name="taken")
         m.d.comb += [fetch.addr.eq(counter), fetched.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
-                     fetch.en.eq((running & ~last) | ~primed), taken.eq(idle & primed & start)]
-        m.d.sync += primed.eq(1)
-        with m.If(fetch.en):
-            m.d.sync += counter.eq(Mux(counter == program.length - 1, 0, counter + 1))
+                     due.eq(left < 0), taken.eq(idle & primed & start)]
+        m.d.sync += [primed.eq(1), complete.eq(running & last & due), counter.eq(Mux(running, counter + 1, taken)),
+                     left.eq(Mux(running, left - 1, program.length - 1))]
         with m.If(taken):
-            m.d.sync += [state.eq(state + 1), finish.eq(0)]
-        with m.Elif(ending):
-            m.d.sync += [state.eq(IDLE), finish.eq(1)]
+            m.d.sync += [state.eq(IDLE + 1), finish.eq(0)]
         with m.Elif(running):
-            m.d.sync += state.eq(state + word.advance)
-        return Control(start, idle, taken, running & ~last, ending, fetched, word,
+            m.d.sync += state.eq(Mux(due, END, state + word.advance))
+        with m.Else():
+            # Also from codes that stand for no state.
+            m.d.sync += state.eq(IDLE)
+        with m.If(ending):
+            m.d.sync += finish.eq(1)
+        return Control(start, idle, taken, running & ~(last | due), ending, complete, fetched, word,
                        bank=Signal(name="bank"), fresh=Signal(name="fresh", init=1))
 
     def _word(self, m, control):
@@ -192,7 +199,7 @@ class Engine(SystemComponent):
         """Input port to its value at the edge that took the start."""
         return captured_inputs(m, self, self._program, control.taken)
 
-    def _datapath(self, m, word, captured):
+    def _datapath(self, m, control, word, captured):
         """Memories, operators and buses; returns the enable and the value of each write to a memory.
 
         The operand memory is read before the edge and written at it, so ports need not be transparent.
@@ -216,7 +223,7 @@ class Engine(SystemComponent):
             return Array([Value.cast(found[name]) for name in program.operand_sources])[fields.source]
 
         ports = operand_registers(m, program, word, fetch)
-        operators(m, program, word, components, ports, results)
+        operators(m, program, word, components, ports, rest=control.idle, results=results)
 
         # One result a cycle goes over the bus, to the memory and to whoever waits for it.
         results |= captured
@@ -270,23 +277,23 @@ class Engine(SystemComponent):
             with m.If(commit):
                 m.d.sync += [control.bank.eq(~control.bank), control.fresh.eq(0)]
 
-    def _status(self, m, control, writes, refused):
+    def _status(self, m, control, writes, commit, special):
         """The status port; an update is refused if a number that it wrote was not finite."""
         (_, bus), *_ = writes
-        special = self._program.format.exponent_special
+        exponent = self._program.format.exponent_special
         with m.If(control.idle):
-            m.d.sync += refused.eq(0)
-        with m.Elif(reduce(or_, (enable & (value.exponent == special) for enable, value in writes))):
-            m.d.sync += refused.eq(1)
+            m.d.sync += special.eq(0)
+        with m.Elif(reduce(or_, (enable & (value.exponent == exponent) for enable, value in writes))):
+            m.d.sync += special.eq(1)
         status = dict(zip(self.status_names, getattr(self, self._system.status_port), strict=True))
         for name, shown in self._program.graph.status.items():
             flag = Signal(name=name)
             with m.If(self._arrives(m, control, shown.node, name)):
                 m.d.sync += flag.eq(bus.sign ^ shown.negated)
             with m.If(control.ending):
-                m.d.sync += status[name].eq(flag & ~refused)
+                m.d.sync += status[name].eq(flag & commit)
         with m.If(control.ending):
-            m.d.sync += status[REFUSED].eq(refused)
+            m.d.sync += status[REFUSED].eq(~commit)
         # A start during a reset waits for its end: until then all bits are low.
         early = Signal(name="early", reset_less=True)
         m.d.sync += early.eq(ResetSignal() & (control.start | early))
@@ -295,14 +302,16 @@ class Engine(SystemComponent):
 
 
 class Control(NamedTuple):
-    """Signals of the sequencer: ``active`` in all cycles of an update but the last, ``bank`` and ``fresh`` of the
-    state; ``fetched`` is the word before the bank is known, ``word`` the one that acts."""
+    """Signals of the sequencer: ``active`` in all cycles of an update but the last two; ``complete`` in the last one,
+    END, if it came in time; ``bank`` and ``fresh`` of the state; ``fetched`` is the word before the bank is known,
+    ``word`` the one that acts."""
 
     start: Value
     idle: Signal
     taken: Signal
     active: Value
     ending: Signal
+    complete: Signal
     fetched: Value
     word: Value
     bank: Signal

@@ -58,6 +58,8 @@ class StreamEngine(SystemComponent):
     State: of each channel in two banks; an update reads the one and writes the other, and its end
     makes the other the current one. If the system has a status port, an update is refused because a number
     in it was NaN or infinite; its channel keeps its state. Without one, NaN and infinity go on to outputs and state.
+    Upsets: if the counter of the interval does not go on as it should, all updates in flight are refused. From any
+    contents of the registers every channel is free after as many intervals as the stages of an update, and one.
     Raises: ValueError if there is no schedule of that interval, for other numbers of channels, and for a pool that
     forwards results.
     """
@@ -137,8 +139,7 @@ class StreamEngine(SystemComponent):
         captured = self._inputs(m, control)
         word, write_main = self._word(m, control, stages)
         buses, condition = self._datapath(m, word, write_main, captured)
-        if self.status_names:
-            self._judge(m, control, stages, word, buses)
+        self._judge(m, control, stages, word, buses if self.status_names else {})
         if condition is not None:
             self._conditions(m, control, word, buses, condition)
         self._outputs(m, control, stages, buses)
@@ -162,21 +163,28 @@ class StreamEngine(SystemComponent):
         counter, slot = Signal(range(length), name="counter"), Signal(range(length), name="slot")
         following, goes = Signal(range(length), name="following"), Signal(name="goes")
         beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
-        busy = Signal(program.channels)
+        in_flight, occupied = Signal(name="in_flight"), Signal(name="occupied")
         start = getattr(self, self._system.start)
         # While the reset acts nothing is taken; after it, the first word needs a clock edge to come out of the ROM.
         primed = Signal(name="primed")
         m.d.sync += primed.eq(1)
         m.d.comb += [
-            self.in_ready.eq(beginning & primed & ~busy.bit_select(self.in_channel, 1)),
+            in_flight.eq(Cat(stages.valid).any()),
+            occupied.eq(Cat(valid & (channel == self.in_channel)
+                            for valid, channel in zip(stages.valid, stages.channel, strict=True)).any()),
+            self.in_ready.eq(beginning & primed & ~occupied),
             taken.eq(start & self.in_ready),
-            goes.eq(~beginning | taken | Cat(stages.valid).any()),
+            goes.eq(~beginning | taken | in_flight),
             following.eq(Mux(counter == length - 1, 0, counter + goes))]
         m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]
         turn = Signal(program.turning_bits, name="turn")
         commit, refuse = Signal(name="commit"), Signal(name="refuse")
-        m.d.comb += [commit.eq((slot == schedule.commit % length) & stages.valid[-1]), refuse.eq(stages.bad[-1])]
-        return Control(counter, following, slot, beginning, taken, busy, turn, commit, refuse)
+        # Another counter, set by the beginnings, must agree with the slot.
+        check, upset = Signal(range(length), name="check"), Signal(name="upset")
+        m.d.sync += check.eq(Mux(beginning, 0, check + 1))
+        m.d.comb += [upset.eq(slot != check), refuse.eq(stages.bad[-1] | upset),
+                     commit.eq((slot == schedule.commit % length) & stages.valid[-1])]
+        return Control(counter, following, slot, beginning, taken, upset, turn, commit, refuse)
 
     def _banks(self, m, control, stages):
         """Banks by channel; what an update needs of them goes with it from stage to stage."""
@@ -187,9 +195,6 @@ class StreamEngine(SystemComponent):
             with m.If(~control.refuse):
                 m.d.sync += [banks.bit_select(channel, 1).eq(~stages.bank[-1]),
                              freshness.bit_select(channel, 1).eq(0)]
-            m.d.sync += control.busy.bit_select(channel, 1).eq(0)
-        with m.If(control.taken):
-            m.d.sync += control.busy.bit_select(number, 1).eq(1)
         # While the counter waits, stages without an update are handed on, again and again.
         with m.If(control.beginning):
             turned = ~control.turn if len(control.turn) == 1 else control.turn + 1
@@ -288,8 +293,8 @@ class StreamEngine(SystemComponent):
         return buses, condition
 
     def _judge(self, m, control, stages, word, buses):
-        """What is not finite is found a cycle after it was on a bus, by the stage it belongs to."""
-        found: list[list] = [[] for _ in stages.bad]
+        """Updates to refuse. What is not finite is found a cycle after it was on a bus, by the stage it belongs to."""
+        found: list[list] = [[control.upset] for _ in stages.bad]
         for name, bus in buses.items():
             special, where = Signal(name=f"{name}_special"), Signal(word[name].stage.shape(), name=f"{name}_stage")
             m.d.sync += [special.eq(word[name].enable & (bus.exponent == self._program.format.exponent_special)),
@@ -297,7 +302,7 @@ class StreamEngine(SystemComponent):
             for stage, events in enumerate(found):
                 events.append(special & (where == stage))
         judged = [flag | Cat(events).any() for flag, events in zip(stages.bad, found, strict=True)]
-        for flag, before, now in zip(stages.bad, [0, *judged], judged, strict=False):
+        for flag, before, now in zip(stages.bad, [control.upset, *judged], judged, strict=False):
             m.d.sync += flag.eq(Mux(control.beginning, before, now))
 
     def _kept(self, m, control, node, value, until, name):
@@ -366,15 +371,15 @@ class Stages(NamedTuple):
 
 
 class Control(NamedTuple):
-    """Signals of the sequencer: ``turn`` is the lowest bit of addresses that turn, ``busy`` has a bit for each
-    channel."""
+    """Signals of the sequencer: ``upset`` if the slot is not what it should be, ``turn`` the lowest bits of addresses
+    that turn."""
 
     counter: Signal
     following: Signal
     slot: Signal
     beginning: Signal
     taken: Signal
-    busy: Signal
+    upset: Signal
     turn: Signal
     commit: Signal
     refuse: Signal

@@ -57,6 +57,11 @@ class Interface:
     enable: str = ""
     probes: dict[str, tuple[str, str, str]] = field(default_factory=dict)
 
+    def access(self):
+        """Verilator's configuration that keeps the inner signals, and lets the driver see them."""
+        return "".join(sorted({f'public_flat_rd -module "{module}" -var "{variable}"\n'
+                               for module, variable, _ in self.probes.values()}))
+
     def header(self):
         """The C++ header that describes these ports for the driver."""
         lines = [f'#include "V{self.top}.h"', f'#include "V{self.top}___024root.h"',
@@ -99,10 +104,8 @@ class VerilatedModel:
     def __init__(self, verilog: str | os.PathLike, interface: Interface, build: str | os.PathLike) -> None:
         self.interface = interface
         build = Path(build).resolve()
-        driver = self.DRIVER.read_text(encoding="utf-8")
-        # A header of another wording makes the same model.
-        modules = re.sub(r"^//.*\n", "", Path(verilog).read_text(encoding="utf-8"), flags=re.MULTILINE)
-        key = digest(modules, interface.header(), repr(interface.probes), driver,
+        driver = self.DRIVER.read_text()
+        key = digest(Path(verilog).read_text(encoding="utf-8"), interface.header(), interface.access(), driver,
                      *self.FLAGS, str(verilator_root()))[:16]
 
         def make(folder):
@@ -113,11 +116,9 @@ class VerilatedModel:
 
     def _build(self, verilog, partial, driver, objects, header):
         partial.mkdir()
-        (partial / "ports.h").write_text(self.interface.header(), encoding="utf-8")
-        (partial / "main.cpp").write_text(driver, encoding="utf-8")
-        (partial / "probes.vlt").write_text("`verilator_config\n" + "".join(sorted({
-            f'public_flat_rd -module "{module}" -var "{variable}"\n'
-            for module, variable, _ in self.interface.probes.values()})), encoding="utf-8")
+        (partial / "ports.h").write_text(self.interface.header())
+        (partial / "main.cpp").write_text(driver)
+        (partial / "probes.vlt").write_text("`verilator_config\n" + self.interface.access())
         root = verilator_root()
         run_tool([root / "bin" / "verilator", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
@@ -202,29 +203,28 @@ class VerilatedModel:
                 rows[:, column] = stimulus[name]
         if before is not None:
             rows = np.column_stack([before.view("<u8"), rows])
-        view = bytearray(count * len(names) * 8)
+        # After a reset some samples have no answer.
+        return self._answer(arguments, rows, names, progress, fewer=before is not None)
+
+    def _answer(self, arguments, rows, names, progress=None, *, fewer=False):
+        """What the model answers to rows of numbers: name to column, one row for each, or ``fewer``."""
+        view = bytearray(len(rows) * len(names) * 8)
         with subprocess.Popen([self._executable, *arguments], stdin=subprocess.PIPE,
                               stdout=subprocess.PIPE) as process:
             assert process.stdout is not None
             feeder = threading.Thread(target=_feed, args=(process.stdin, rows))
             feeder.start()
             received = 0
-            try:
-                while received < len(view):
-                    chunk = os.read(process.stdout.fileno(), 1 << 16)
-                    if not chunk:
-                        break
-                    view[received:received + len(chunk)] = chunk
-                    received += len(chunk)
-                    if progress:
-                        progress(received // (8 * len(names)))
-            except BaseException:
-                process.kill()
-                raise
-            finally:
-                feeder.join()
-        # After a reset some samples have no result.
-        complete = received == len(view) or (before is not None and received % (8 * len(names)) == 0)
+            while received < len(view):
+                chunk = os.read(process.stdout.fileno(), 1 << 16)
+                if not chunk:
+                    break
+                view[received:received + len(chunk)] = chunk
+                received += len(chunk)
+                if progress:
+                    progress(received // (8 * len(names)))
+            feeder.join()
+        complete = received == len(view) or (fewer and received % (8 * len(names)) == 0)
         if process.returncode or not complete:
             raise RuntimeError(f"the model of {self.interface.top} ended early, status {process.returncode}")
         answer = np.frombuffer(view[:received], dtype="<u8").reshape(-1, len(names))

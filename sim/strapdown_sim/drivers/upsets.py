@@ -1,0 +1,156 @@
+"""A core whose registers get other contents, in Verilator: how it settles, and its next update."""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strapdown.cores import Core
+
+from .verilated import Interface, VerilatedModel
+
+__all__ = ["ALL", "BIT", "REGISTER", "UpsetModel"]
+
+BIT, REGISTER, ALL = range(3)
+"""What an upset reaches: one bit, one register, or every register of the core."""
+
+
+@dataclass(frozen=True)
+class UpsetInterface(Interface):
+    """Ports of a module, with the registers to write and the memories to restore.
+
+    Parameters
+    ----------
+    registers : dict
+        Register as (module, variable, C++ expression) to its width.
+    memories : dict
+        Memory, in the same way, to the first address to restore.
+    """
+
+    registers: dict[tuple[str, str, str], int] = field(default_factory=dict)
+    memories: dict[tuple[str, str, str], int] = field(default_factory=dict)
+
+    def access(self):
+        written = {(module, variable) for module, variable, _ in (*self.registers, *self.memories)}
+        read = {(module, variable) for module, variable, _ in self.probes.values()} - written
+        return "".join(f'public_flat_{kind} -module "{module}" -var "{variable}"\n'
+                       for kind, signals in (("rd", read), ("rw", written)) for module, variable in sorted(signals))
+
+    def header(self):
+        registers = " ".join(f"REGISTER({path}, {width})" for (_, _, path), width in self.registers.items())
+        memories = " ".join(f"MEMORY({name}, {path}, {first})" for (_, name, path), first in self.memories.items())
+        return f"{super().header()}#define REGISTERS {registers}\n#define MEMORIES {memories}\n"
+
+
+class UpsetModel(VerilatedModel):
+    """A generated core, Verilated, with a state, and registers that can be written.
+
+    Parameters
+    ----------
+    core : strapdown.cores.Core
+        The core that the file was made from.
+    verilog : Path
+        Its Verilog file.
+    build : Path
+        Folder for compiled models.
+
+    Attributes
+    ----------
+    registers : tuple of str
+        All registers of the core, each as its module and its name there.
+    """
+
+    DRIVER = files(__package__) / "upsets.cpp"
+
+    def __init__(self, core: Core, verilog: str | os.PathLike, build: str | os.PathLike) -> None:
+        self.core = core
+        system, program, several = core.system, core.engine.program, core.engine.channels > 1
+        module, engine = f"{system.name}_engine", f"{system.name}__DOT__engine__DOT__"
+
+        def variable(name, path=""):
+            return module, name, engine + name + path
+
+        memory = "main_memory" if several else "operands"
+        if several:
+            names, channel = {"bank": "banks", "fresh": "freshness"}, "dut->in_channel"
+            probes = {probe: variable(name, f" >> {channel} & 1") for probe, name in names.items()}
+        else:
+            probes, channel = {name: variable(name) for name in ("bank", "fresh")}, "0"
+        for word, address in program.state.items():
+            probes |= {f"{word}.{bank}": variable(memory, f"[{address} + 2 * {channel} + {bank}]") for bank in (0, 1)}
+        text = Path(verilog).read_text(encoding="utf-8")
+        kept = program.upper if several else program.state_words
+        memories = {variable(name): kept for name in (memory, "signs") if re.search(rf" {name} \[", text)}
+        outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
+        registers = dict(_registers(text, system.name))
+        self.registers = tuple(f"{module}.{name}" for module, name, _ in registers)
+        super().__init__(verilog, UpsetInterface(
+            system.name, (*system.input_ports, *(["in_channel"] if several else [])), outputs, start=system.start,
+            finish=system.finish, ready="in_ready" if several else None, probes=probes,
+            registers=registers, memories=memories), build)
+
+    def next_updates(self, seeds: ArrayLike, cycles: ArrayLike, kinds: ArrayLike, samples: Mapping[str, np.ndarray],
+                     register: str | None = None, *, load: bool = False) -> dict[str, np.ndarray]:
+        """For each seed: a reset, so many cycles of random starts, an upset, time to settle, and one update.
+
+        The time to settle is twice the latency.
+
+        Parameters
+        ----------
+        seeds, cycles, kinds : ndarray of int
+            Shape (N,); ``kinds`` are BIT, REGISTER or ALL.
+        samples : dict
+            Input port to numbers or integers, shape (N, 2): those before the upset and those after it.
+        register : str or None
+            One of ``registers``, the only one to upset.
+        load : bool
+            Whether there are random starts while the core settles, so that other channels are in flight then.
+
+        Returns
+        -------
+        dict
+            Arrays of shape (N,): state words before the last update; output ports before it, and as ``after.PORT``
+            after it; ``waited``, the cycles until its start was taken; ``cycles``, its latency, or zero if there was no
+            finish.
+        """
+        fmt, system = self.core.engine.program.format, self.core.system
+        bits = {port: np.asarray(values) if port == "in_channel" else system.input_bits(port, fmt, values)
+                for port, values in samples.items()}
+        number = np.full(len(np.asarray(seeds)), -1 if register is None else self.registers.index(register))
+        header = np.column_stack([np.asarray(column).astype("<u8")
+                                  for column in (seeds, cycles, kinds, number, np.full(len(number), load))])
+        columns = [np.asarray(bits[port])[:, which].astype("<u8") for which in (0, 1) for port in self.interface.inputs]
+        outputs = self.interface.outputs
+        names = (*self.interface.probes, *outputs, "waited", "cycles", *(f"after.{port}" for port in outputs))
+        limit = 2 * self.core.latency
+        answer = self._answer([str(limit), str(limit)], np.column_stack([header, *columns]), names)
+        result = {name: values.astype(int) for name, values in answer.items()}
+        for word, value in self.core.engine.program.schedule.graph.state.items():
+            stored = np.where(answer["bank"] == 1, answer[f"{word}.1"], answer[f"{word}.0"])
+            result[word] = np.where(answer["fresh"] == 1, fmt.encode(value), stored)
+        numbers = (*system.output_ports, *(f"after.{port}" for port in system.output_ports),
+                   *self.core.engine.program.schedule.graph.state)
+        return result | {name: fmt.from_bits(result[name].astype(fmt.bits_dtype)) for name in numbers}
+
+
+def _registers(text, top):
+    """Registers of a Verilog file: tuples of (module, variable, C++ expression) and width."""
+    modules = dict(re.findall(r"^module (\w+).*?;\n(.*?)^endmodule", text, re.MULTILINE | re.DOTALL))
+
+    def inside(module, path):
+        body = modules[module]
+        clocked = set(re.findall(r"^ .*?(\w+)(?:\[[^]]*\])? <= ", body, re.MULTILINE))
+        for high, name in re.findall(r"^  reg (?:\[(\d+):0\] )?(\w+)(?: = .*)?;$", body, re.MULTILINE):
+            if name in clocked and name != "initial_trigger":
+                # Verilator's spelling of two underscores.
+                yield (module, name, path + name.replace("__", "___05F")), int(high or 0) + 1
+        for inner, name in re.findall(r"^  (\w+) (\w+) \($", body, re.MULTILINE):
+            if inner in modules:
+                yield from inside(inner, f"{path}{name}__DOT__")
+
+    return inside(top, f"{top}__DOT__")

@@ -1,0 +1,83 @@
+"""Registers of a core with random contents: it settles without a start, and its next update is right."""
+
+import numpy as np
+import pytest
+
+from strapdown.cores import THESIS, THESIS_X8, main_module
+from strapdown.export import write_core
+from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.drivers.upsets import ALL, BIT, REGISTER, UpsetModel
+
+UPSETS = 300
+SEED = 20151
+
+
+@pytest.fixture(scope="module", params=[THESIS, THESIS_X8], ids=lambda config: config.name)
+def model(request, make_core, models, tmp_path_factory):
+    config = request.param
+    core = make_core(main_module(config), config)
+    try:
+        return UpsetModel(core, write_core(core, config, tmp_path_factory.mktemp("upsets"), ""), models)
+    except SimulatorMissingError as error:
+        pytest.skip(str(error))
+
+
+def upset(model, kinds, register=None, **options):
+    """What the model answers to upsets at random times, and the samples of the updates after them."""
+    rng, core = np.random.default_rng(SEED), model.core
+    samples = {port: rng.standard_normal((UPSETS, 2)) for port in core.system.input_ports}
+    if core.engine.channels > 1:
+        samples["in_channel"] = rng.integers(core.engine.channels, size=(UPSETS, 2))
+    cycles = rng.integers(2 * core.latency, 6 * core.latency, size=UPSETS)
+    result = model.next_updates(rng.integers(1 << 62, size=UPSETS), cycles, kinds, samples, register, **options)
+    return result, {port: values[:, 1] for port, values in samples.items() if port != "in_channel"}
+
+
+def refused(model, status):
+    return status >> model.core.engine.status_names.index("refused") & 1 == 1
+
+
+def assert_the_update_is_that_of_the_state_in_memory(model, result, sample, *, holds=True):
+    system, program = model.core.system, model.core.engine.program
+    assert set(result["cycles"]) == {model.core.latency}
+    before = {word: result[word] for word in program.schedule.graph.state}
+    twin = system.update_twin(program.schedule.pool, sample, before)
+    after = refused(model, result[f"after.{system.status_port}"])
+    np.testing.assert_array_equal(after, twin["refused"])
+    assert after.sum() < UPSETS / 10
+    for port in system.output_ports:
+        expected = np.where(after, result[port if holds else f"after.{port}"], twin[port])
+        np.testing.assert_array_equal(result[f"after.{port}"].view(np.uint32), expected.view(np.uint32), err_msg=port)
+
+
+@pytest.mark.verilator
+def test_the_update_after_an_upset_is_that_of_the_state_in_memory(model):
+    kinds = np.random.default_rng(SEED).choice([BIT, REGISTER, ALL], p=[0.7, 0.2, 0.1], size=UPSETS)
+    result, sample = upset(model, kinds)
+    assert not result["waited"].any()
+    assert_the_update_is_that_of_the_state_in_memory(model, result, sample)
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", ["counter", "left", "slot", "check"])
+def test_an_update_whose_cycles_are_not_those_of_the_schedule_is_refused(model, name):
+    register = f"{model.core.system.name}_engine.{name}"
+    if register not in model.registers:
+        pytest.skip(f"This engine has no {name}.")
+    result, sample = upset(model, np.full(UPSETS, BIT), register)
+    # Not in the few cycles in which nothing is in flight, or all of an update is done.
+    assert refused(model, result[model.core.system.status_port]).mean() > 0.9
+    assert_the_update_is_that_of_the_state_in_memory(model, result, sample)
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", ["", ".counter", ".beginning", "_divider_0.busy", "_divider_0.quotient",
+                                  "_arctangent.fsm_state"])
+def test_a_core_that_never_rests_settles_as_well(model, name):
+    engine = model.core.engine
+    if engine.channels == 1:
+        pytest.skip("One channel rests after every update.")
+    register = f"{model.core.system.name}_engine{name}" if name else None
+    result, sample = upset(model, np.full(UPSETS, BIT), register, load=True)
+    assert result["waited"].max() < model.core.latency + 2 * engine.interval
+    assert_the_update_is_that_of_the_state_in_memory(model, result, sample, holds=False)
