@@ -52,8 +52,11 @@ def test_names_are_plain(folder, name):
     code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
     assert "\\" not in code
     assert "$" not in code.replace("$signed(", "")
-    # The attributes only select the kind of memory; Vivado, ISE and Yosys support these.
-    assert set(re.findall(r"\(\*.*?\*\)", code)) <= {'(* rom_style = "block" *)', '(* ram_style = "distributed" *)'}
+    # Attributes tell what a memory is made of, which registers sample the reset, and which codes of a state are to
+    # stay: Vivado, ISE and Yosys know these.
+    assert set(re.findall(r"\(\*.*?\*\)", code)) <= {
+        '(* rom_style = "block" *)', '(* ram_style = "distributed" *)', '(* ASYNC_REG = "TRUE" *)',
+        '(* fsm_encoding = "none" *)'}
     declared = set(re.findall(r"^\s*(?:input|output|wire|reg)\s+(?:\[\d+:\d+\]\s*)?(\w+)", code, re.MULTILINE))
     assert declared
     assert not declared & KEYWORDS

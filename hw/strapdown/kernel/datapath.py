@@ -45,7 +45,7 @@ def operand_registers(m, program, word, fetch):
 def operators(m, program, word, components, ports, *, rest=None, results=None):
     """The operators as submodules, each with its operands, its modes and a start a cycle after the word.
 
-    ``rest``, if given, is high while no update is in flight: it resets the operators, whatever an upset has left in them.
+    ``rest``, if given, is high while no update is in flight: it resets the operators, whatever an upset left in them.
     ``results`` are signals for their results, by name of the unit, if the buses do not take them from the units.
     """
     for unit in program.units:

@@ -6,7 +6,7 @@ from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib.wiring import In
 
 __all__ = ["PipelineAlignment", "PipelineFromReset", "IterativeAlignment", "IterativeHandshake", "IterativeHold",
-           "VendorAlignment", "VendorHold", "VendorOrder"]
+           "IterativeRecovery", "VendorAlignment", "VendorHold", "VendorOrder"]
 
 
 def ports(op, flow, *, without):
@@ -123,6 +123,29 @@ class IterativeHold(_Clockwork):
             m.d.comb += Cover(~op.done)
             with m.If(~op.done):
                 m.d.comb += Assert(results == before)
+        return m
+
+
+class IterativeRecovery(_Clockwork):
+    """From any state, reachable or not: ``edges`` without a start or a reset later, a start is taken as at rest."""
+
+    def __init__(self, make):
+        self.op = make()
+
+    @property
+    def edges(self):
+        """Edges without a start: a counter or a quotient may have everything before it."""
+        return 2 * self.op.interval
+
+    def elaborate(self, platform):
+        m, op = Module(), self.op
+        m.submodules.op = op
+        m.d.comb += Assume(~ResetSignal())
+        now = self.age(m, self.edges + op.latency)
+        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=("start",)).values()]
+        m.d.comb += op.start.eq(now[self.edges])
+        with m.If(now[self.edges:].any()):
+            m.d.comb += [Assert(op.done == now[-1]), Cover(op.done)]
         return m
 
 
