@@ -148,17 +148,17 @@ class DigitRecurrence(Described):
     def _iterate(self, m):
         begun = self._begin(m, self._normalise(m, self._unpack(m)))
         # A one runs ahead of the quotient: its arrival at the top ends the recurrence. If an upset takes it away, the
-        # recurrence ends a cycle after no bit of the quotient is left.
+        # next one ends it, which may step over the topmost bit; if there is none, the recurrence ends as well.
         begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
                                for name, value in vars(begun).items()})
         steps = self._advance(m, s)
 
         # The rounding cycle is the last look at the registers, so it may fill them anew.
-        busy, finishing, accept, empty = (Signal(name=name) for name in ("busy", "finishing", "accept", "empty"))
-        m.d.comb += [finishing.eq(busy & s.quotient[-1]), accept.eq(self.start & (~busy | finishing))]
-        m.d.sync += [busy.eq(accept | (busy & ~finishing & ~empty)), self.done.eq(finishing),
-                     empty.eq(~(accept | s.quotient.any()))]
+        busy, finishing, accept = (Signal(name=name) for name in ("busy", "finishing", "accept"))
+        m.d.comb += [finishing.eq(busy & s.quotient[-self._bits_per_cycle:].any()),
+                     accept.eq(self.start & (~busy | finishing))]
+        m.d.sync += [busy.eq(accept | (busy & ~finishing & s.quotient.any())), self.done.eq(finishing)]
 
         for name in self._stepped:
             m.d.sync += getattr(s, name).eq(getattr(steps[-1], name))

@@ -160,7 +160,7 @@ class Engine(SystemComponent):
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs={"rom_style": program.schedule.pool.microcode.value})
         fetch = rom.read_port()
-        fetched, word = [Signal(program.layout) for _ in range(2)]
+        fetched, word = Signal(program.layout, name="fetched"), Signal(program.layout, name="word")
         last, due, taken = Signal(name="last"), Signal(name="due"), Signal(name="taken")
         m.d.comb += [fetch.addr.eq(counter), fetched.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
                      due.eq(left < 0), taken.eq(idle & primed & start)]

@@ -218,7 +218,7 @@ class StreamEngine(SystemComponent):
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs={"rom_style": style.value} if in_block else {})
         fetch = rom.read_port(domain="sync" if in_block else "comb")
-        settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word")
+        settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word", reset_less=True)
         m.d.comb += [fetch.addr.eq(control.following if in_block else control.counter), settled.eq(fetch.data)]
         m.d.sync += word.eq(settled)
         known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))

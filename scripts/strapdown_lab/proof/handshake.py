@@ -129,13 +129,8 @@ class IterativeHold(_Clockwork):
 class IterativeRecovery(_Clockwork):
     """From any state, reachable or not: ``edges`` without a start or a reset later, a start is taken as at rest."""
 
-    def __init__(self, make):
-        self.op = make()
-
-    @property
-    def edges(self):
-        """Edges without a start: a counter or a quotient may have everything before it."""
-        return 2 * self.op.interval
+    def __init__(self, make, *, edges):
+        self.op, self.edges = make(), edges
 
     def elaborate(self, platform):
         m, op = Module(), self.op
@@ -144,8 +139,9 @@ class IterativeRecovery(_Clockwork):
         now = self.age(m, self.edges + op.latency)
         m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=("start",)).values()]
         m.d.comb += op.start.eq(now[self.edges])
-        with m.If(now[self.edges:].any()):
-            m.d.comb += [Assert(op.done == now[-1]), Cover(op.done)]
+        finish = self.edges + op.latency
+        with m.If(now[self.edges:finish + 1].any()):
+            m.d.comb += [Assert(op.done == now[finish]), Cover(op.done)]
         return m
 
 

@@ -4,11 +4,13 @@ from functools import partial
 
 import pytest
 
+from strapdown.cordic.component import CordicComponent
+from strapdown.cordic.sincos import CordicSinCos
 from strapdown.cores import operators, top
 from strapdown.fp import FloatFormat, FpMinMax, FpSquareRoot, FpToFp, Rounding
 from strapdown_lab.proof import formal
 from strapdown_lab.proof.arithmetic import FloatResult
-from strapdown_lab.proof.handshake import IterativeHandshake, PipelineAlignment, VendorHold
+from strapdown_lab.proof.handshake import IterativeHandshake, IterativeRecovery, PipelineAlignment, VendorHold
 from strapdown_lab.proof.solver import Property, prove, solver_missing
 
 SMALL = FloatFormat(3, 2)
@@ -60,6 +62,12 @@ def test_result_of_another_operation_is_found(tmp_path):
 def test_start_that_is_not_ignored_is_found(tmp_path):
     circuit = partial(IterativeHandshake, partial(PatientSquareRoot, FloatFormat(2, 1), iterative=True))
     assert_refuted(Property("patient", "", circuit, 12), tmp_path)
+
+
+def test_state_without_a_way_back_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(CordicComponent, "_lead_back", lambda self, m, fsm: None)
+    circuit = partial(IterativeRecovery, partial(CordicSinCos, FloatFormat(5, 1), steps_per_cycle=8), edges=20)
+    assert_refuted(Property("dead end", "", circuit, 30, ("op",)), tmp_path)
 
 
 def test_wrong_rounding_is_found(tmp_path, monkeypatch):
