@@ -82,6 +82,14 @@ class Config(BaseModel):
     clock_enable: bool = Field(
         default=False, description="whether the core has a clock enable, the port ce; it counts enabled cycles only")
 
+    @field_validator("*")
+    @classmethod
+    def _printable(cls, value: object) -> object:
+        # Such characters end a line of a header, or cannot be seen in it.
+        if isinstance(value, str) and any(unicodedata.category(char) in ("Cc", "Cs", "Zl", "Zp") for char in value):
+            raise ValueError("must be one line without control characters")
+        return value
+
     @field_validator("interval", mode="before")
     @classmethod
     def _interval(cls, value: object, info: ValidationInfo) -> object:

@@ -147,14 +147,14 @@ class DigitRecurrence(Described):
 
     def _iterate(self, m):
         begun = self._begin(m, self._normalise(m, self._unpack(m)))
-        # A one runs ahead of the quotient: its arrival at the top ends the recurrence. If an upset takes it away, the
-        # next one ends it, which may step over the topmost bit; if there is none, the recurrence ends as well.
+        # A leading one is shifted in front of the quotient; when it reaches the top, the recurrence ends. If an upset
+        # clears it, the next one ends the recurrence, which may step over the topmost bit. Without any it ends too.
         begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
                                for name, value in vars(begun).items()})
         steps = self._advance(m, s)
 
-        # The rounding cycle is the last look at the registers, so it may fill them anew.
+        # The rounding cycle is the last to read the registers, so a new operation may load them in it.
         busy, finishing, accept = (Signal(name=name) for name in ("busy", "finishing", "accept"))
         m.d.comb += [finishing.eq(busy & s.quotient[-self._bits_per_cycle:].any()),
                      accept.eq(self.start & (~busy | finishing))]

@@ -104,8 +104,10 @@ class VerilatedModel:
     def __init__(self, verilog: str | os.PathLike, interface: Interface, build: str | os.PathLike) -> None:
         self.interface = interface
         build = Path(build).resolve()
-        driver = self.DRIVER.read_text()
-        key = digest(Path(verilog).read_text(encoding="utf-8"), interface.header(), interface.access(), driver,
+        driver = self.DRIVER.read_text(encoding="utf-8")
+        # A header of another wording makes the same model.
+        modules = re.sub(r"^//.*\n", "", Path(verilog).read_text(encoding="utf-8"), flags=re.MULTILINE)
+        key = digest(modules, interface.header(), interface.access(), driver,
                      *self.FLAGS, str(verilator_root()))[:16]
 
         def make(folder):
@@ -116,9 +118,9 @@ class VerilatedModel:
 
     def _build(self, verilog, partial, driver, objects, header):
         partial.mkdir()
-        (partial / "ports.h").write_text(self.interface.header())
-        (partial / "main.cpp").write_text(driver)
-        (partial / "probes.vlt").write_text("`verilator_config\n" + self.interface.access())
+        (partial / "ports.h").write_text(self.interface.header(), encoding="utf-8")
+        (partial / "main.cpp").write_text(driver, encoding="utf-8")
+        (partial / "probes.vlt").write_text("`verilator_config\n" + self.interface.access(), encoding="utf-8")
         root = verilator_root()
         run_tool([root / "bin" / "verilator", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
@@ -203,7 +205,7 @@ class VerilatedModel:
                 rows[:, column] = stimulus[name]
         if before is not None:
             rows = np.column_stack([before.view("<u8"), rows])
-        # After a reset some samples have no answer.
+        # After a reset some samples have no result.
         return self._answer(arguments, rows, names, progress, fewer=before is not None)
 
     def _answer(self, arguments, rows, names, progress=None, *, fewer=False):
@@ -215,15 +217,20 @@ class VerilatedModel:
             feeder = threading.Thread(target=_feed, args=(process.stdin, rows))
             feeder.start()
             received = 0
-            while received < len(view):
-                chunk = os.read(process.stdout.fileno(), 1 << 16)
-                if not chunk:
-                    break
-                view[received:received + len(chunk)] = chunk
-                received += len(chunk)
-                if progress:
-                    progress(received // (8 * len(names)))
-            feeder.join()
+            try:
+                while received < len(view):
+                    chunk = os.read(process.stdout.fileno(), 1 << 16)
+                    if not chunk:
+                        break
+                    view[received:received + len(chunk)] = chunk
+                    received += len(chunk)
+                    if progress:
+                        progress(received // (8 * len(names)))
+            except BaseException:
+                process.kill()
+                raise
+            finally:
+                feeder.join()
         complete = received == len(view) or (fewer and received % (8 * len(names)) == 0)
         if process.returncode or not complete:
             raise RuntimeError(f"the model of {self.interface.top} ended early, status {process.returncode}")
