@@ -80,6 +80,12 @@ endmodule
     assert not re.search(r"\b(?:wire|assign) (?:a|b|b1|h)\b", tidied)
 
 
+def test_wires_without_bits_are_removed():
+    """The backend declares them [-1:0], which is two bits to every tool, undriven."""
+    text = "module top(x, y);\n  input x;\n  output y;\n  wire [-1:0] \\word.address ;\n  assign y = x;\nendmodule\n"
+    assert "wire" not in tidy(text)
+
+
 class Choice(wiring.Component):
     """A combinational block."""
 

@@ -74,7 +74,7 @@ def test_file_is_ascii(folder, name):
 def test_nothing_is_declared_and_never_read(folder, name):
     code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
     for module in code.split("endmodule")[:-1]:
-        for wire in re.findall(r"^  wire (?:\[\d+:\d+\] )?(\w+);", module, re.MULTILINE):
+        for wire in re.findall(r"^  wire (?:\[-?\d+:\d+\] )?(\w+);", module, re.MULTILINE):
             assert len(re.findall(rf"\b{wire}\b", module)) > 2, wire
 
 

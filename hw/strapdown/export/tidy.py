@@ -34,7 +34,7 @@ KEYWORDS = frozenset(re.findall(r"\w+", """
 
 # Base and digits of a number, as in 6'b??1; they are no names.
 LITERAL = r"'[sS]?[bodhBODH][\w?]+"
-WIRE = re.compile(r"^(  wire (?:\[\d+:\d+\] )?(\w+);\n)", re.MULTILINE)
+WIRE = re.compile(r"^(  wire (?:\[-?\d+:\d+\] )?(\w+);\n)", re.MULTILINE)
 ASSIGN = re.compile(r"^(  assign (\w+) = (.*);\n)", re.MULTILINE)
 PORT = re.compile(r"^  (?:input|output) (?:\[\d+:\d+\] )?(\w+);\n", re.MULTILINE)
 
