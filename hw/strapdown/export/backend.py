@@ -24,7 +24,7 @@ def to_verilog(component, name):
     name : str
         Name of the top module.
 
-    Raises: ToolError if Yosys fails, as where its temporary files have no room.
+    Raises: ToolError if Yosys fails, for example because the disk for its temporary files is full.
     """
     # No signal may have the module's name while the passes run: the module ``less`` has a signal ``less``,
     # which is another name of a port, and the port's name replaces it.

@@ -1,4 +1,4 @@
-"""What the engines have in common: memories, operand registers, operators and result buses."""
+"""The common parts of the engines: memories, operand registers, operators and result buses."""
 
 from amaranth import *
 from amaranth.lib.memory import Memory
@@ -14,23 +14,23 @@ def memory(program, depth, style, init=()):
 
 
 def captured_inputs(m, component, program, taken):
-    """Input port to a register of what stood there, as a word of the memory, at the last edge with ``taken`` high."""
+    """Maps each input port to a register of its value at the last edge with ``taken`` high, as a memory word."""
     captured = {port: Signal(program.format.width, name=f"{port}_q", reset_less=True)
                 for port in program.graph.inputs}
     with m.If(taken):
         for port, register in captured.items():
             value = getattr(component, port)
             if port in component.system.integers:
-                # The sign reaches up to the bits that stay zero.
+                # The sign is extended up to the bits that are always zero.
                 value = Cat(value, value[-1].replicate(integer_bits(program.format) - len(value)))
             m.d.sync += register.eq(value)
     return captured
 
 
 def operand_registers(m, program, word, fetch):
-    """Both operands of each pair of read ports, in registers: (port, "a" or "b") to Signal.
+    """Both operands of each pair of read ports, in registers: maps (port, "a" or "b") to a Signal.
 
-    ``fetch(fields)`` gives an operand, as the fields of the word demand, before its sign is turned.
+    ``fetch(fields)`` gives the operand selected by the fields of the word, before a change of its sign.
     """
     ports = {}
     for port in program.read_ports:
@@ -65,7 +65,7 @@ def operators(m, program, word, components, ports, *, rest=None, results=None):
 
 
 def choose(m, bus, source, results):
-    """Put the result of the number ``source`` on a bus."""
+    """Put the result with the number ``source`` on a bus."""
     with m.Switch(source):
         for index, result in enumerate(results):
             with m.Case(index):
