@@ -12,14 +12,14 @@ __all__ = ["CLOCK", "CORE_CONTROL", "ENABLED_CORE_CONTROL", "Control", "Port", "
 
 
 def through(outer, inner, names):
-    """Statements that connect ports of a component to those of one inside it.
+    """Statements that connect ports of a component to the ports of a component inside it.
 
     Parameters
     ----------
     outer, inner : wiring.Component
         Both with members of the same flow and width.
     names : dict
-        Member of ``outer`` to the member of ``inner`` that it is.
+        Maps each member of ``outer`` to the member of ``inner`` to connect.
     """
     for outside, inside in names.items():
         here, there = Value.cast(getattr(outer, outside)), Value.cast(getattr(inner, inside))
@@ -35,7 +35,7 @@ def distinct(ports, module):
 
 
 class Wrapper(Described):
-    """An engine inside a module, with added or hidden ports; by itself, with exactly the engine's ports.
+    """An engine inside a module, with added or hidden ports; by default with exactly the engine's ports.
 
     A wrapper works in the clock domain ``sync``. A subclass extends ``elaborate``, which returns the
     Module that holds the engine as ``m.submodules.engine``. It may also extend ``sections`` and ``facts``,
@@ -46,7 +46,7 @@ class Wrapper(Described):
     engine : Engine, StreamEngine or Wrapper
         In the clock domain ``sync``.
     name, title : str or None
-        Name of the Verilog module, and one line on what it does; None means the engine's.
+        Name of the Verilog module, and its function in one line; None means those of the engine.
     added : tuple of Port
         Ports that follow those of the engine.
     hidden : tuple of str
@@ -54,9 +54,9 @@ class Wrapper(Described):
 
     Members
     -------
-    The engine's without ``hidden``, and ``added``.
+    Those of the engine without ``hidden``, and ``added``.
 
-    Latency: the engine's.
+    Latency: that of the engine.
     Raises: ValueError if ``hidden`` names a port that the engine does not have, or if two ports have the same name.
     """
 
@@ -81,7 +81,7 @@ class Wrapper(Described):
 
     @property
     def title(self):
-        """One line on what it does."""
+        """The function of the module in one line."""
         return self._title
 
     @property
@@ -106,7 +106,7 @@ class Wrapper(Described):
 
     @property
     def latency(self):
-        """Cycles from the edge that takes the start to the one that raises the finish."""
+        """Cycles from the edge that takes the start to the edge that raises the finish."""
         return self._engine.latency
 
     @property
@@ -133,7 +133,7 @@ class Wrapper(Described):
 
 @dataclass(frozen=True)
 class Control:
-    """Ports of a top that belong to its clock domain, and what they do.
+    """Ports of a top that belong to its clock domain, and their function.
 
     Attributes
     ----------
@@ -180,8 +180,8 @@ class Top(Described):
     Parameters
     ----------
     component : wiring.Component
-        A component in the clock domain ``sync`` that describes itself: a Wrapper, or another one with the
-        properties ``name``, ``title``, ``ports``, ``latency``, ``equations``, ``sections`` and ``facts``.
+        A component in the clock domain ``sync``: a Wrapper, or another component with the properties ``name``,
+        ``title``, ``ports``, ``latency``, ``equations``, ``sections`` and ``facts``.
     control : Control
         Ports of clock and reset.
 
@@ -201,12 +201,12 @@ class Top(Described):
         self._component, self._control = component, control
         distinct(self.ports, component.name)
         super().__init__({port.name: port.member for port in self.ports})
-        # The component's signals are the ports themselves: there is nothing to connect.
+        # The component's signals are the ports themselves, so nothing has to be connected.
         vars(self).update({name: getattr(component, name) for name in component.signature.members})
 
     @property
     def component(self):
-        """What the module holds."""
+        """The component of the module."""
         return self._component
 
     @property
@@ -233,7 +233,7 @@ class Top(Described):
         # The reset is synchronous: an asynchronous one can change the address of a block RAM just before a clock
         # edge, and thereby destroy its contents (UG473, "Block RAM Attributes"; AR 42571).
         fragment.add_domains(ClockDomain("sync"))
-        # Clock and reset stand first, before what uses them.
+        # Clock and reset come first, before the statements that use them.
         own, fragment.statements = fragment.statements, {}
         fragment.add_statements("comb", ClockSignal().eq(getattr(self, control.clock.name)))
         resets = reset if control.reset_level else ~reset

@@ -1,6 +1,6 @@
-"""Amaranth's Verilog made readable: plain identifiers, named slices, no wire that nothing reads.
+"""Amaranth's Verilog made readable: plain identifiers, named slices, no unused wires.
 
-The passes work on text. They know only the few forms in which the Verilog backend writes
+The passes work on text. They recognise only the few forms in which the Verilog backend writes
 declarations and assignments, and leave everything else unchanged.
 """
 
@@ -9,7 +9,7 @@ from collections import Counter
 
 __all__ = ["tidy"]
 
-# Those of Verilog and of SystemVerilog, because many tools read .v files as either.
+# Keywords of Verilog and of SystemVerilog, because many tools read .v files as either.
 KEYWORDS = frozenset(re.findall(r"\w+", """
     accept_on alias always always_comb always_ff always_latch and assert assign assume automatic before begin
     bind bins binsof bit break buf bufif0 bufif1 byte case casex casez cell chandle checker class clocking cmos
@@ -32,7 +32,7 @@ KEYWORDS = frozenset(re.findall(r"\w+", """
     wire with within wor xnor xor
     """))
 
-# Base and digits of a number, as in 6'b??1; they are no names.
+# Base and digits of a number, as in 6'b??1; they are not names.
 LITERAL = r"'[sS]?[bodhBODH][\w?]+"
 WIRE = re.compile(r"^(  wire (?:\[-?\d+:\d+\] )?(\w+);\n)", re.MULTILINE)
 ASSIGN = re.compile(r"^(  assign (\w+) = (.*);\n)", re.MULTILINE)
@@ -85,7 +85,7 @@ def _plain_identifiers(text, submodules):
 
 
 def _named_slices(text):
-    """Replace slices of signals by their names, where they have one."""
+    """Replace slices of signals by their names, if they have one."""
     names: dict[str, str] = {}
     for _, name, value in ASSIGN.findall(text):
         if re.fullmatch(r"\w+\[\d+(:\d+)?\]", value):
@@ -99,7 +99,7 @@ def _named_slices(text):
             lambda part: part[0] if target and target[1] == names.get(part[0]) else names.get(part[0], part[0]),
             expression)
 
-    # Only where values are read: on the right of an assignment, and in conditions.
+    # Only where values are read: on the right side of an assignment, and in conditions.
     return re.sub(r"^( *(?:.*? <?= |(?:else )?if (?=\()|casez (?=\()))(.*)$", named, text, flags=re.MULTILINE)
 
 
@@ -132,7 +132,7 @@ def _telling(name):
 
 
 def _without_unread(text):
-    """Remove the wires that nothing reads."""
+    """Remove unused wires."""
     while True:
         uses = Counter(re.findall(r"[A-Za-z_]\w*", re.sub(LITERAL, "", text)))
         assigned = {name: line for line, name, _ in ASSIGN.findall(text)}

@@ -21,39 +21,39 @@ REFUSED, IGNORED = "refused", "ignored"
 
 
 class Engine(SystemComponent):
-    """A system's equations on a pool of operators, one update a start.
+    """A system's equations on a pool of operators, one update per start.
 
     Parameters
     ----------
     system : System
         Equations and interface.
     pool : Pool
-        Operators; those the equations do not use are left out.
+        Operators; the circuit contains only those that the equations use.
 
     Members
     -------
     *start*, *finish* : In(1), Out(1)
-        The start is sampled at the clock edge while the engine is idle, and with it all inputs.
-        The finish falls at that edge and rises with the outputs. While the reset acts and at the edge after,
+        The start is sampled at the clock edge while the engine is idle, together with all inputs.
+        The finish falls at that edge and rises with the outputs. While the reset acts and at the next edge,
         starts are ignored.
-    *input ports* : In(format.width), or a number of bits that the system says
+    *input ports* : In(format.width), or the number of bits given by the system
     *output ports* : Out(format.width)
-        Hold from one finish to the next; all change in one cycle. After a reset they show the
-        reset state where they are state, else zero.
+        Hold from one finish to the next; all change in one cycle. After a reset, outputs that are
+        state words have their reset values; all others are zero.
     *status* : Out(len(status_names))
         Bits in the order of ``status_names``, if the system has a status port. They change with
-        the finish; ``ignored`` is set by a start that is ignored and cleared by the next one that is taken. During a
+        the finish; ``ignored`` is set by a start that is ignored and cleared by the next accepted start. During a
         reset all are low.
 
     All members have the names that the system gives them.
 
-    Latency: ``latency`` cycles from the edge that takes the start to the one that raises the
-    finish, in every update. A new start can be taken at the edge after.
-    State: kept in two banks; an update reads the one and writes the other, and its last cycle
-    makes the other the current one. An update that is refused leaves state and outputs as they were: one that wrote
-    NaN or infinity, if there is a status port, and one whose end does not come in the last cycle of the schedule.
+    Latency: ``latency`` cycles from the edge that takes the start to the edge that raises the
+    finish, in every update. A new start can be taken at the next edge.
+    State: kept in two banks. An update reads one bank and writes the other, and its last cycle makes the other bank
+    the current one. An update is refused if it wrote NaN or infinity, in a system with a status port, or if its end
+    does not come in the last cycle of the schedule. A refused update does not change state and outputs.
     Upsets: from any contents of the registers the engine is idle within twice the latency, if no start comes; the next
-    update takes the latency, and is that of the state in memory.
+    update takes the latency, and its results follow from the state in memory.
     """
 
     def __init__(self, system, pool):
@@ -108,12 +108,12 @@ class Engine(SystemComponent):
 
     @property
     def reset_outputs(self):
-        """Output port to the value that it shows after a reset."""
+        """Maps each output port to its value after a reset."""
         return self._program.schedule.graph.reset_outputs
 
     @property
     def latency(self):
-        """Cycles from the edge that takes ``start`` to the one that raises ``finish``."""
+        """Cycles from the edge that takes ``start`` to the edge that raises ``finish``."""
         return self._program.length + 2
 
     @property
@@ -142,11 +142,11 @@ class Engine(SystemComponent):
     def _sequencer(self, m):
         """The state of the update and the fetched word: a Control.
 
-        The ROM output is registered twice: ``fetched`` is the word after the one that acts, and the program counter is
-        one ahead of that. While the engine is idle the first word is fetched in every cycle: the engine is ``primed``
-        when it has come out of the ROM, at the first edge at which no reset acts.
+        The ROM output is registered twice: ``fetched`` is the word after the current one, and the program counter is
+        one ahead of that. While the engine is idle, the first word is fetched in every cycle. The engine is ``primed``
+        when the ROM has output this word, at the first edge without a reset.
 
-        Another counter counts the cycles that are left, down to -1. An update whose program ends in another cycle is
+        A second counter counts the remaining cycles down to -1. An update whose program ends in another cycle is
         not ``complete``: a counter or the state was upset. Both counters are set while no update runs.
         """
         program = self._program
@@ -179,10 +179,10 @@ class Engine(SystemComponent):
                        bank=Signal(name="bank"), fresh=Signal(name="fresh", init=1))
 
     def _word(self, m, control):
-        """The word that acts: zero while the engine is idle.
+        """The current word: zero while the engine is idle.
 
-        Addresses of the state turn with the bank, and what restores the state acts only after a reset: settled before
-        the word acts, since neither changes during an update.
+        The bank inverts the lowest bit of addresses of the state, and the steps that restore the state are enabled only
+        after a reset. Both are applied one cycle before the word is used, because neither changes during an update.
         """
         program, fetched = self._program, control.fetched
         settled = Signal(program.layout)
@@ -196,7 +196,7 @@ class Engine(SystemComponent):
         return control.word
 
     def _inputs(self, m, control):
-        """Input port to its value at the edge that took the start."""
+        """Maps each input port to its value at the edge that took the start."""
         return captured_inputs(m, self, self._program, control.taken)
 
     def _datapath(self, m, control, word, captured):
@@ -225,7 +225,7 @@ class Engine(SystemComponent):
         ports = operand_registers(m, program, word, fetch)
         operators(m, program, word, components, ports, rest=control.idle, results=results)
 
-        # One result a cycle goes over the bus, to the memory and to whoever waits for it.
+        # One result per cycle goes over the bus, to the memory and to the operands that wait for it.
         results |= captured
         results["other"] = other = Signal(number, name="other", reset_less=True)
         m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
@@ -246,7 +246,7 @@ class Engine(SystemComponent):
         return writes
 
     def _conditions(self, m, word, bus, write, chooser):
-        """The condition of a choice: the sign of a value, kept by its address."""
+        """The condition of a choice: the sign of a value, stored under the value's address."""
         program = self._program
         m.submodules.signs = signs = Memory(shape=1, depth=program.depth,
                                             init=[value >> (program.format.width - 1) for value in program.initial])
@@ -257,14 +257,14 @@ class Engine(SystemComponent):
         m.d.sync += condition.eq(sign_read.data ^ word.condition.negate)
 
     def _arrives(self, m, control, node, name):
-        """Whether a node's value is on the bus, on its way to memory: found out a cycle before."""
+        """High if a node's value is on the bus on its way to memory; computed one cycle earlier."""
         arrives, fetched = Signal(name=f"{name}_arrives"), control.fetched
         address = self._program.addresses[node]
         m.d.sync += arrives.eq(control.active & fetched.write.enable & (fetched.write.address == address))
         return arrives
 
     def _outputs(self, m, control, writes, commit):
-        """Outputs wait beside the state; END shows them all at once, and turns the banks."""
+        """Outputs are collected in registers; END makes all of them visible in one cycle, and switches the banks."""
         (_, bus), *_ = writes
         graph = self._program.graph
         for port, node in graph.outputs.items():
@@ -303,8 +303,8 @@ class Engine(SystemComponent):
 
 class Control(NamedTuple):
     """Signals of the sequencer: ``active`` in all cycles of an update but the last two; ``complete`` in the last one,
-    END, if it came in time; ``bank`` and ``fresh`` of the state; ``fetched`` is the word before the bank is known,
-    ``word`` the one that acts."""
+    END, if it came in time; ``bank`` and ``fresh`` of the state; ``fetched`` is the next word before the bank is
+    applied, ``word`` the current word."""
 
     start: Value
     idle: Signal

@@ -1,4 +1,4 @@
-"""The engine for several updates at a time, each of a channel with a state of its own: sequencer, banks, commit."""
+"""The engine for several channels, with several updates in flight: sequencer, banks, commit."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -21,45 +21,46 @@ READY, IN_CHANNEL, OUT_CHANNEL, REFUSED = "in_ready", "in_channel", "out_channel
 
 
 class StreamEngine(SystemComponent):
-    """A system's equations for several channels on one pool of operators, an update every ``interval`` cycles.
+    """A system's equations for several channels on one pool of operators, one update every ``interval`` cycles.
 
     Parameters
     ----------
     system : System
         Equations and interface.
     pool : Pool
-        Operators, without forwarding; those the equations do not use are left out. ``machine.streaming`` makes such a
-        pool from one for a single channel.
+        Operators, without forwarding; the circuit contains only those that the equations use. ``machine.streaming``
+        makes such a pool from a pool for a single channel.
     channels : int
         Number of states, a power of two from 2 to 64.
     interval : int or None
-        Cycles between two samples that are taken. None: the least for which a schedule is found.
+        Cycles between two accepted samples. None: the least for which a schedule is found.
 
     Members
     -------
     *start*, in_ready : In(1), Out(1)
-        A sample is taken at a clock edge at which both are high, with its channel. The engine is ready every
-        ``interval`` cycles, and if nothing is in flight then, until a sample comes; never for a channel that has an
-        update in flight, while the reset acts, and in the cycle after. in_ready follows in_channel within the cycle.
+        A sample is taken, with its channel, at a clock edge at which both are high. The engine is ready every
+        ``interval`` cycles. If no update is in flight at that time, it stays ready until a sample comes. It is not ready
+        for a channel that has an update in flight, while the reset acts, and in the next cycle. in_ready depends on
+        in_channel in the same cycle.
     in_channel : In(log2(channels))
         Channel of the sample.
-    *input ports* : In(format.width), or a number of bits that the system says
+    *input ports* : In(format.width), or the number of bits given by the system
     *finish*, out_channel : Out(1), Out(log2(channels))
-        High for one cycle an update, and its channel; samples finish in the order in which they came.
+        High for one cycle per update, and its channel; samples finish in the order in which they came.
     *output ports* : Out(format.width)
-        Hold from one finish to the next. An update that is refused leaves them as they were.
+        Hold from one finish to the next. A refused update does not change them.
     *status* : Out(len(status_names))
-        Bits in the order of ``status_names``, of the update that finished last; if the system has a status port.
+        Bits of the last finished update in the order of ``status_names``, if the system has a status port.
 
     All other members have the names that the system gives them.
 
-    Latency: ``latency`` cycles from the edge that takes a sample to the one that raises its finish,
-    whatever else is in flight.
-    State: of each channel in two banks; an update reads the one and writes the other, and its end
-    makes the other the current one. If the system has a status port, an update is refused because a number
-    in it was NaN or infinite; its channel keeps its state. Without one, NaN and infinity go on to outputs and state.
-    Upsets: if the counter of the interval does not go on as it should, all updates in flight are refused. From any
-    contents of the registers every channel is free after as many intervals as the stages of an update, and one.
+    Latency: ``latency`` cycles from the edge that takes a sample to the edge that raises its finish,
+    independent of other updates in flight.
+    State: kept in two banks for each channel. An update reads one bank and writes the other, and its end makes the
+    other bank the current one. If the system has a status port, an update in which a number was NaN or infinite is
+    refused; its channel keeps its state. Without a status port, NaN and infinity pass through to outputs and state.
+    Upsets: if the counter of the interval is wrong, all updates in flight are refused. From any contents of the
+    registers every channel is free after as many intervals as an update has stages, plus one.
     Raises: ValueError if there is no schedule of that interval, for other numbers of channels, and for a pool that
     forwards results.
     """
@@ -81,7 +82,7 @@ class StreamEngine(SystemComponent):
 
     @property
     def latency(self):
-        """Cycles from the edge that takes a sample to the one that raises its finish."""
+        """Cycles from the edge that takes a sample to the edge that raises its finish."""
         return self._program.schedule.commit + 1
 
     @property
@@ -123,7 +124,7 @@ class StreamEngine(SystemComponent):
 
     @property
     def interval(self):
-        """Cycles between two samples that are taken, while there are any."""
+        """Cycles between two accepted samples, if samples are always offered."""
         return self._program.length
 
     @property
@@ -146,17 +147,17 @@ class StreamEngine(SystemComponent):
         return m
 
     def _stages(self):
-        """What is known of the update in each stage: Stages of lists of signals."""
+        """State of the update in each stage: Stages of lists of signals."""
         shapes = {"valid": 1, "channel": self.in_channel.shape(), "bank": 1, "fresh": 1, "bad": 1}
         count = self._program.schedule.stages
         return Stages(**{name: [Signal(shape, name=f"stage{stage}_{name}") for stage in range(count)]
                          for name, shape in shapes.items()})
 
     def _sequencer(self, m, stages):
-        """The counter, and when samples are taken: a Control.
+        """The counter, and the acceptance of samples: a Control.
 
-        The slot is the word that acts in this cycle, the counter is one ahead of it. With nothing in flight it waits
-        for a sample; else it runs on, and an interval that begins without a sample is a stage without an update.
+        The slot is the word of this cycle; the counter is one ahead of it. If no update is in flight, the counter waits
+        for a sample. Else it continues, and an interval that begins without a sample is a stage without an update.
         """
         program, schedule = self._program, self._program.schedule
         length = program.length
@@ -187,7 +188,7 @@ class StreamEngine(SystemComponent):
         return Control(counter, following, slot, beginning, taken, upset, turn, commit, refuse)
 
     def _banks(self, m, control, stages):
-        """Banks by channel; what an update needs of them goes with it from stage to stage."""
+        """Banks by channel; each update carries the bits that it needs from stage to stage."""
         channels, number, channel = self._program.channels, self.in_channel, stages.channel[-1]
         banks, freshness = Signal(channels, name="banks"), Signal(channels, name="freshness", init=-1)
         with m.If(control.commit):
@@ -195,7 +196,7 @@ class StreamEngine(SystemComponent):
             with m.If(~control.refuse):
                 m.d.sync += [banks.bit_select(channel, 1).eq(~stages.bank[-1]),
                              freshness.bit_select(channel, 1).eq(0)]
-        # While the counter waits, stages without an update are handed on, again and again.
+        # While the counter waits, stages without an update are shifted repeatedly.
         with m.If(control.beginning):
             turned = ~control.turn if len(control.turn) == 1 else control.turn + 1
             m.d.sync += [control.turn.eq(turned), stages.valid[0].eq(control.taken), stages.channel[0].eq(number),
@@ -205,7 +206,7 @@ class StreamEngine(SystemComponent):
                 m.d.sync += [later.eq(signal) for signal, later in pairwise(signals)]
 
     def _inputs(self, m, control):
-        """Registers of the input ports, loaded at each beginning."""
+        """Registers of the input ports, loaded at the start of each interval."""
         return list(captured_inputs(m, self, self._program, control.beginning).values())
 
     def _word(self, m, control, stages):
@@ -214,7 +215,7 @@ class StreamEngine(SystemComponent):
         program = self._program
         style = program.schedule.pool.microcode
         in_block = style is MemoryStyle.BLOCK
-        # Block RAM holds the word of the counter because it is read with the counter's next value.
+        # Block RAM is read with the counter's next value, so its output is the word of the counter.
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs={"rom_style": style.value} if in_block else {})
         fetch = rom.read_port(domain="sync" if in_block else "comb")
@@ -256,7 +257,7 @@ class StreamEngine(SystemComponent):
         return word, write_main
 
     def _datapath(self, m, word, write_main, captured):
-        """Memories, operators and buses; returns the buses by name, and the condition of a choice, if there is any."""
+        """Memories, operators and buses; returns the buses by name, and the condition of a choice, if any."""
         program = self._program
         style = program.schedule.pool.operand_memory
         m.submodules.main_memory = main = memory(program, program.depth, style, program.initial)
@@ -306,7 +307,7 @@ class StreamEngine(SystemComponent):
             m.d.sync += flag.eq(Mux(control.beginning, before, now))
 
     def _kept(self, m, control, node, value, until, name):
-        """A part of what the bus shows of a node, kept until a later cycle: registers, the newest first."""
+        """A part of a node's value on the bus, kept until a later cycle: registers, the newest first."""
         schedule, registers = self._program.schedule, []
         written = schedule.written[node]
         for each in range(-(-(until - written) // schedule.period)):
@@ -318,7 +319,7 @@ class StreamEngine(SystemComponent):
         return registers
 
     def _conditions(self, m, control, word, buses, condition):
-        """The condition of a choice: the sign of a value, kept since it was on the bus."""
+        """The condition of a choice: the sign of a value, kept in registers since it was on the bus."""
         program, schedule = self._program, self._program.schedule
         ages: dict = {}
         for node, age in program.conditions:
@@ -353,15 +354,15 @@ class StreamEngine(SystemComponent):
 
 
 def _turned(address, turn):
-    """An address whose low bits count up with ``turn``."""
+    """An address to whose low bits ``turn`` is added."""
     if len(turn) == 1:
         return address ^ turn
     return Cat((address[:len(turn)] + turn)[:len(turn)], address[len(turn):])
 
 
 class Stages(NamedTuple):
-    """Signals by stage of an update: whether there is one, its channel, the bank and the freshness of that channel's
-    state, and whether a number was not finite."""
+    """Signals by stage of an update: high if an update is in the stage, its channel, bank and freshness of the
+    channel's state, and high if a number was not finite."""
 
     valid: list[Signal]
     channel: list[Signal]
@@ -371,8 +372,7 @@ class Stages(NamedTuple):
 
 
 class Control(NamedTuple):
-    """Signals of the sequencer: ``upset`` if the slot is not what it should be, ``turn`` the lowest bits of addresses
-    that turn."""
+    """Signals of the sequencer: ``upset`` is high if the slot is wrong, ``turn`` counts the intervals for addresses."""
 
     counter: Signal
     following: Signal

@@ -168,7 +168,7 @@ async def ignored_start_sets_its_bit(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def reset_in_the_middle(dut):
-    """A reset at any time ends the update and resets the state; the next update is a first one."""
+    """A reset at any time ends the update and resets the state; the next update equals the first one."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     assert driver.outputs() == core.engine.reset_outputs
@@ -211,7 +211,7 @@ async def reset_without_a_clock_edge_does_nothing(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def starts_right_after_a_reset_are_ignored(dut):
-    """A start in the first three cycles does nothing but to set its bit; the fourth is taken."""
+    """A start in the first three cycles only sets its status bit; the fourth is taken."""
     driver = CoreDriver(dut, core)
     await driver.reset()
     sample, = samples(1)

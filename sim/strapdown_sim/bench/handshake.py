@@ -29,7 +29,7 @@ class CoreDriver:
         self.finish = getattr(dut, core.system.finish)
 
     async def reset(self):
-        """Start the clock if need be, reset, leave everything idle and ready for a start."""
+        """Start the clock if necessary, reset, leave all inputs idle and the core ready for a start."""
         if not self._running:
             Clock(self._dut.clk, PERIOD_NS, unit="ns").start()
             self._running = True
@@ -40,7 +40,7 @@ class CoreDriver:
         await self.cycles(RESET_CYCLES)
 
     async def assert_reset(self, cycles=RESET_CYCLES):
-        """Pull the reset low between two clock edges, and release it so many cycles later."""
+        """Pull the reset low between two clock edges, and release it ``cycles`` cycles later."""
         await Timer(PERIOD_NS / 5, unit="ns")
         self._dut.rst_n.value = 0
         await self.cycles(cycles)
