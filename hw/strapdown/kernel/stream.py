@@ -39,9 +39,9 @@ class StreamEngine(SystemComponent):
     -------
     *start*, in_ready : In(1), Out(1)
         A sample is taken, with its channel, at a clock edge at which both are high. The engine is ready every
-        ``interval`` cycles. If no update is in flight at that time, it stays ready until a sample comes. It is not ready
-        for a channel that has an update in flight, while the reset acts, and in the next cycle. in_ready depends on
-        in_channel in the same cycle.
+        ``interval`` cycles. If no update is in flight at that time, it stays ready until a sample comes. It is not
+        ready for a channel that has an update in flight, while the reset acts, and in the next cycle. in_ready depends
+        on in_channel in the same cycle.
     in_channel : In(log2(channels))
         Channel of the sample.
     *input ports* : In(format.width), or the number of bits given by the system

@@ -52,7 +52,7 @@ FUNCTIONS: dict[str, Callable] = {}
 
 
 def meaning(name):
-    """The Operation, or the function of FUNCTIONS, that is ``xp.<name>``. Raises: AttributeError if it does not exist."""
+    """The Operation, or the function of FUNCTIONS, that is ``xp.<name>``. Raises: AttributeError if it is unknown."""
     known = OPERATIONS | FUNCTIONS
     if name not in known:
         raise AttributeError(f"kernels have no operation {name!r}: choose from {', '.join(sorted(known))}")
