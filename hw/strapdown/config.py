@@ -8,7 +8,6 @@ from typing import Annotated
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from strapdown.kernel.machine import streaming
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System
 
@@ -106,8 +105,8 @@ class Config(BaseModel):
 
     @property
     def engine_pool(self):
-        """The pool of the engine: ``pool``, or its replacement if there are several channels."""
-        return self.pool if self.channels == 1 else streaming(self.pool)
+        """The pool of the engine: ``pool``, with its open settings decided for the number of channels."""
+        return self.pool.settled(self.channels)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -19,7 +19,6 @@ from strapdown.cores import (
     modules_of,
 )
 from strapdown.export import description, verilog_text, write, write_core
-from strapdown.kernel.machine import streaming
 from strapdown.kernel.pool import MemoryStyle
 from strapdown.kernel.stream import StreamEngine
 from strapdown_sim.drivers.stream import RESET, StreamModel
@@ -208,7 +207,7 @@ def test_every_configuration_can_have_channels(streamed):
 @pytest.mark.verilator
 def test_without_a_status_port_nothing_is_refused(tmp_path, models):
     system = ATTITUDE_CORES["INS_quat"](THESIS)
-    core = Core(system, streaming(THESIS.pool), engine=StreamEngine, channels=2)
+    core = Core(system, THESIS.pool, engine=StreamEngine, channels=2)
     assert core.engine.status_names == ()
     model = StreamModel(core, write(core, tmp_path, command=""), models)
     rng = np.random.default_rng(SEED)

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, FLIGHT, THESIS, THESIS_COMPACT, THESIS_X8
+from strapdown.cores import ATTITUDE_CORES, FLIGHT, THESIS, THESIS_COMPACT, THESIS_X8, make_core
 from strapdown.cores.flight import ins_flight
 from strapdown.kernel.list_scheduler import list_schedule
-from strapdown.kernel.machine import Problem, StreamMachine, UpdateMachine, streaming
+from strapdown.kernel.machine import Problem, StreamMachine, UpdateMachine
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.trace import Tracer
 
@@ -21,19 +21,33 @@ def test_a_side_memory_wants_operands_in_luts():
 
 def test_several_channels_do_without_forwarding():
     with pytest.raises(ValueError, match=r"^forwarding must be False for several channels: all operands come from me"):
-        StreamMachine(Pool())
+        StreamMachine(Pool(forwarding=True))
 
 
-def test_a_pool_that_forwards_has_a_counterpart_for_several_channels():
-    pool = streaming(Pool())
-    assert pool == Pool(forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=True)
-    assert streaming(pool) is pool
+def test_what_a_pool_leaves_open_suits_the_number_of_channels():
+    assert UpdateMachine(Pool()).pool == Pool().settled(1) == Pool(
+        forwarding=True, operand_memory=MemoryStyle.DISTRIBUTED, side_memory=False)
+    assert StreamMachine(Pool()).pool == Pool().settled(8) == Pool(
+        forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=True)
     for config in THESIS_X8, THESIS_COMPACT:
-        assert streaming(config.pool) is config.pool
+        assert config.pool.settled(1) is config.pool.settled(8) is config.pool
+
+
+@pytest.mark.parametrize(("field", "value"), [("operand_memory", MemoryStyle.DISTRIBUTED), ("side_memory", False)])
+def test_what_a_pool_says_is_obeyed_with_several_channels(field, value):
+    config = FLIGHT.replace(pool=Pool(**{field: value}), channels=8)
+    assert getattr(StreamMachine(config.pool).pool, field) is getattr(config.engine_pool, field) is value
+    assert config.engine_pool == replace(Pool().settled(8), **{field: value})
+
+
+def test_a_pool_that_must_forward_is_refused_with_several_channels():
+    config = FLIGHT.replace(pool=Pool(forwarding=True), channels=8)
+    with pytest.raises(ValueError, match=r"^forwarding must be False for several channels: all operands come from me"):
+        make_core("INS_flight_x8", config)
 
 
 def test_one_read_port_and_one_bus_are_obeyed():
-    pool = Pool(forwarding=False, private_ports=False)
+    pool = Pool(private_ports=False, side_memory=False)
     machine, graph = StreamMachine(pool), ATTITUDE_CORES["INS_quat"](THESIS).trace(pool)
     problem = Problem(graph, machine)
     operations = sum(graph.count().values())
@@ -43,7 +57,7 @@ def test_one_read_port_and_one_bus_are_obeyed():
 
 
 def test_signs_that_several_channels_cannot_keep_are_copied():
-    pool = streaming(FLIGHT.pool)
+    pool = FLIGHT.pool.settled(8)
     machine, graph = StreamMachine(pool), ins_flight(FLIGHT).trace(pool)
     prepared = machine.prepared(graph)
     signs = {node.condition.node for node in graph.nodes if node.condition is not None}
@@ -61,7 +75,7 @@ def test_signs_that_several_channels_cannot_keep_are_copied():
 
 
 def test_a_status_bit_of_the_state_is_copied():
-    pool = streaming(Pool())
+    pool = Pool().settled(8)
     xp = Tracer(pool, ("ONLY",))
     count = xp.source("state", "count")
     graph = xp.graph(inputs=(), outputs={}, state={"count": 0.0}, next_state={"count": xp.settled(count + 1, "count")},

@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from strapdown import kernel
 from strapdown.algorithms.attitude import Update
 from strapdown.cores.core import Core
 from strapdown.export import write
 from strapdown.fp import BINARY32, BINARY64, Subnormals
-from strapdown.kernel.operators import Comparator, Converter, Extremes, ReciprocalRoot, SineCosine
+from strapdown.kernel import operators
+from strapdown.kernel.operators import Comparator, Converter, Extremes, Operator, ReciprocalRoot, SineCosine
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.stream import StreamEngine
 from strapdown.kernel.system import System
@@ -109,6 +111,18 @@ def test_an_integer_port_fits_a_word_of_the_memory():
     with pytest.raises(ValueError, match=r"^integer port in_word must have at most 30 bits in binary32, not 31$"):
         system.trace(POOL)
     system.trace(replace(POOL, format=BINARY64))
+
+
+def test_an_input_port_has_not_the_name_of_a_unit():
+    system = replace(SYSTEM, inputs={**SYSTEM.inputs, "b": "divider_1"})
+    with pytest.raises(ValueError, match=r"^input port divider_1 must not have the name of an operator of the pool$"):
+        system.trace(POOL)
+
+
+def test_the_kernel_package_has_all_operators():
+    kinds = {name for name, each in vars(operators).items() if isinstance(each, type) and issubclass(each, Operator)}
+    assert "Converter" in kinds
+    assert kinds <= set(kernel.__all__)
 
 
 def test_an_integer_port_needs_a_converter():

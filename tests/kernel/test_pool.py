@@ -1,3 +1,7 @@
+import re
+from dataclasses import dataclass
+
+import numpy as np
 import pytest
 
 from strapdown.kernel.operators import (
@@ -12,7 +16,7 @@ from strapdown.kernel.operators import (
     ReciprocalRoot,
     Selector,
 )
-from strapdown.kernel.pool import Pool
+from strapdown.kernel.pool import RESERVED, MemoryStyle, Pool
 
 
 def test_every_operation_of_a_kernel_has_its_units():
@@ -75,6 +79,103 @@ def test_what_is_no_operator_is_refused():
 def test_numbers_can_be_copied():
     with pytest.raises(ValueError, match=r"^operators must include a Selector, which copies numbers$"):
         Pool(operators=(Adder(), Multiplier()))
+
+
+@pytest.mark.parametrize(("fields", "error", "message"), [
+    ({"format": "binary32"}, TypeError, "format must be a FloatFormat, not 'binary32'"),
+    ({"operators": Adder()}, TypeError, "operators must be a tuple of operators, not Adder(latency=5, count=1)"),
+    ({"forwarding": "no"}, TypeError, "forwarding must be True or False, not 'no'"),
+    ({"private_ports": None}, TypeError, "private_ports must be True or False, not None"),
+    ({"side_memory": 1}, TypeError, "side_memory must be True or False, not 1"),
+    ({"operand_memory": "lut"}, ValueError, "operand_memory must be distributed or block, not 'lut'"),
+    ({"microcode": None}, ValueError, "microcode must be distributed or block, not None")])
+def test_fields_of_another_type_are_refused(fields, error, message):
+    with pytest.raises(error, match=f"^{re.escape(message)}$"):
+        Pool(**fields)
+
+
+def test_a_memory_style_may_be_its_value():
+    assert Pool(operand_memory="block", microcode="distributed") == Pool(
+        operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED)
+
+
+@pytest.fixture(autouse=True)
+def forgotten():
+    """After a test, kernels know nothing of its operator ``Own``."""
+    yield
+    type("Own", (Operator,), {"operations": ()})
+
+
+def named(kind, name, **members):
+    """An operator ``Own`` that is as another one, but for its name and other members."""
+    return dataclass(frozen=True, kw_only=True)(type("Own", (kind,), {"name": name, "operations": (), **members}))
+
+
+@pytest.mark.parametrize("name", sorted(RESERVED))
+def test_names_that_the_engines_use_are_refused(name):
+    with pytest.raises(ValueError, match=f"^an operator must not have the name {name}: the engines use it themselves$"):
+        Pool().with_operators(named(Adder, name)())
+
+
+@pytest.mark.parametrize("name", ["my-adder", "2nd", "", "größe"])
+def test_names_that_are_no_identifiers_are_refused(name):
+    with pytest.raises(ValueError, match=r"^an operator must have letters, digits and underscores for a name, not '"):
+        Pool().with_operators(named(Adder, name)())
+
+
+def test_names_of_units_differ():
+    with pytest.raises(ValueError, match=r"^operators must have different names: there are two units divider_1$"):
+        Pool().with_operators(named(Adder, "divider_1")())
+
+
+def test_names_of_modes_differ():
+    slow, fast = (Operation(name, twin=np.add, float64=np.add, mode=mode)
+                  for name, mode in (("p", "fast_up"), ("q", "up")))
+    operators = named(Adder, "own", operations=(slow,)), named(Multiplier, "own_fast", operations=(fast,))
+    with pytest.raises(ValueError, match=r"^operators must have different names: there are two modes own_fast_up$"):
+        Pool().with_operators(*(operator() for operator in operators))
+
+
+@pytest.mark.parametrize(("count", "units"), [(1, "selector and chooser"), (2, "selector and chooser_0 and chooser_1")])
+def test_one_unit_takes_a_condition(count, units):
+    blend = Operation("blend", twin=np.add, float64=np.add, takes_condition=True)
+    chooser = named(Adder, "chooser", operations=(blend,))
+    with pytest.raises(ValueError, match=f"^one unit of a pool can take a condition, not {units}$"):
+        Pool().with_operators(chooser(count=count))
+
+
+@pytest.mark.parametrize("operands", [(), ("a", "b", "c"), "a", ["a", "b"]])
+def test_an_operator_has_one_or_two_members_for_operands(operands):
+    with pytest.raises(ValueError, match=r"^operands of Own must be a tuple of one or two members, not [\[('a]"):
+        named(Adder, "own", operands=operands)
+
+
+@pytest.mark.parametrize(("members", "operands"), [(1, 2), (2, 3), (2, 0)])
+def test_an_operation_has_no_more_operands_than_its_operator(members, operands):
+    message = f"operation odd must take 1 to {members} operands, as Own has, not {operands}"
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        named(Adder, "own", operands=("a", "b")[:members],
+              operations=(Operation("odd", twin=None, float64=None, operands=operands),))
+
+
+@pytest.mark.parametrize("name", ["input", "state", "constant", "section", "negate"])
+def test_names_with_another_meaning_are_no_operations(name):
+    with pytest.raises(ValueError, match=f"^Own must not define {name}: the name has another meaning in kernels$"):
+        named(Adder, "own", operations=(Operation(name, twin=None, float64=None),))
+
+
+def test_a_class_can_be_defined_again():
+    """As after a reload: what it does not offer any more is forgotten."""
+    def defined(*names):
+        operations = tuple(Operation(name, twin=None, float64=None) for name in names)
+        return named(Adder, "own", operations=operations)
+
+    defined("again", "gone")
+    new = defined("again")
+    assert OPERATIONS["again"] is new.operations[0]
+    assert "gone" not in OPERATIONS
+    with pytest.raises(ValueError, match=r"^Other must not define again anew: another operator has it already$"):
+        type("Other", (Operator,), {"operations": (Operation("again", twin=None, float64=None),)})
 
 
 def test_an_operation_is_defined_once():

@@ -9,7 +9,7 @@ from strapdown.cores import ATTITUDE_CORES, FLIGHT, QUATERNION_J3, THESIS, THESI
 from strapdown.cores.attitude import ins_top
 from strapdown.cores.flight import ins_flight
 from strapdown.cores.quaternion import quat_direct
-from strapdown.kernel.machine import StreamMachine, streaming
+from strapdown.kernel.machine import StreamMachine
 from strapdown.kernel.modulo_scheduler import modulo_schedule
 from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
 from strapdown.kernel.pool import Pool
@@ -19,14 +19,14 @@ POOL, CHANNELS, INTERVAL = THESIS_X8.pool, THESIS_X8.channels, THESIS_X8.interva
 FORMAT = POOL.format
 SYSTEM = ins_top(THESIS_X8)
 # One pair of read ports, one bus.
-NARROW = Pool(forwarding=False, private_ports=False)
-WIDE = streaming(Pool(operators=(Adder(count=2), Multiplier(count=2), Divider(), Selector())))
+NARROW = Pool(private_ports=False, side_memory=False)
+WIDE = Pool(operators=(Adder(count=2), Multiplier(count=2), Divider(), Selector()))
 CASES = {
     # Next-state values are read in the update that makes them, and signs of the state are conditions.
-    "flight": (ins_flight(FLIGHT), streaming(FLIGHT.pool), 8),
+    "flight": (ins_flight(FLIGHT), FLIGHT.pool, 8),
     "one read port and one bus": (quat_direct(QUATERNION_J3), NARROW, 2),
     "two adders and multipliers": (quat_direct(QUATERNION_J3), WIDE, 64),
-    "no status port": (ATTITUDE_CORES["INS_quat"](THESIS), streaming(THESIS.pool), 4),
+    "no status port": (ATTITUDE_CORES["INS_quat"](THESIS), THESIS.pool, 4),
 }
 
 Update = namedtuple("Update", "channel bank fresh inputs")

@@ -62,8 +62,24 @@ def test_an_unknown_operation_is_refused(make):
 
 @pytest.mark.parametrize("make", NAMESPACES.values(), ids=NAMESPACES)
 def test_an_operation_without_an_operator_is_refused(make):
-    with pytest.raises(ValueError, match=r"^the pool has no operator for sin: add one to its operators$"):
-        make().sincos(1.0)
+    with pytest.raises(ValueError, match=r"^the pool has no operator for from_integer: add one to its operators$"):
+        make().from_integer(1.0)
+
+
+@pytest.mark.parametrize("make", [*NAMESPACES.values(), Float64], ids=[*NAMESPACES, "float64"])
+@pytest.mark.parametrize(("name", "operands", "wanted"), [
+    ("sqrt", (), "1 operand, not 0"), ("sqrt", (1.0, 4.0), "1 operand, not 2"), ("atan2", (1.0,), "2 operands, not 1"),
+    ("maximum", (1.0, 2.0, 3.0), "2 operands, not 3"), ("sin", (1.0, 2.0), "1 operand, not 2")])
+def test_a_wrong_number_of_operands_is_refused(make, name, operands, wanted):
+    with pytest.raises(TypeError, match=f"^xp.{name} takes {wanted}$"):
+        getattr(make(), name)(*operands)
+
+
+@pytest.mark.parametrize("make", [*NAMESPACES.values(), Float64], ids=[*NAMESPACES, "float64"])
+def test_a_choice_has_two_numbers(make):
+    xp = make()
+    with pytest.raises(TypeError, match=r"select\(\) missing 1 required positional argument: 'b'$"):
+        xp.select(xp.less(1.0, 2.0), 1.0)
 
 
 @pytest.fixture

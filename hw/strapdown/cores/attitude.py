@@ -182,7 +182,7 @@ THESIS = AttitudeConfig(
 THESIS_COMPACT = THESIS.replace(
     name="thesis_compact", description="the same, small: one operation after another, atan2 without a unit of its own",
     pool=Pool(operators=(Adder(), Multiplier(), Divider(), Selector()),
-              forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK))
+              forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False))
 
 THESIS_FAST = THESIS.replace(
     name="thesis_fast", description="the same, fast: several operators of each kind",

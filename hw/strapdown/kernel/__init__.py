@@ -11,6 +11,6 @@ from .pool import *
 from .system import *
 
 __all__ = [
-    "Adder", "Arctangent", "Comparator", "Divider", "Extremes", "MemoryStyle", "Multiplier", "Operation", "Operator",
-    "Pool", "ReciprocalRoot", "Selector", "SineCosine", "System", "Update", "matrix", "vector",
+    "Adder", "Arctangent", "Comparator", "Converter", "Divider", "Extremes", "MemoryStyle", "Multiplier", "Operation",
+    "Operator", "Pool", "ReciprocalRoot", "Selector", "SineCosine", "System", "Update", "matrix", "vector",
 ]

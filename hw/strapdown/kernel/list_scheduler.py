@@ -103,8 +103,10 @@ class _Table(Problem):
             self.offsets[chain], self.span[chain] = list(zip(chain, ends, strict=False)), ends[-1]
 
     def _chains(self) -> list[Chain]:
-        """Chains of all nodes. A node is joined to its only reader if the reader's result is not finite whenever the
-        node's is not, because only results on the bus are checked."""
+        """Chains of all nodes. A node is joined to its only reader if the node's result need not pass the bus.
+
+        The reader's result must not be finite if the node's is not, because only results on the bus are checked.
+        """
         wanted = kept(self.graph)
         before: dict[Node, Node] = {}
         for node in self.nodes:
@@ -112,6 +114,7 @@ class _Table(Problem):
                 continue
             free = [operand for operand, read in self.operands[node]
                     if operand.spreads and operand not in wanted and not self.machine.least_wait(read)
+                    and all(unit.direct for unit in self.units[operand])
                     and {reader for reader, _ in self.readers[operand]} == {node}]
             if free:
                 before[node] = max(free, key=lambda operand: self.to_come[operand] + self.delay[operand])

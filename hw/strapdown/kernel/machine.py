@@ -9,8 +9,7 @@ from typing import NamedTuple
 from .pool import MemoryStyle, Pool, Unit
 from .trace import Graph, Node, Operand
 
-__all__ = ["BUSES", "Machine", "Problem", "Read", "Resource", "StreamMachine", "UpdateMachine", "kept", "reads",
-           "streaming"]
+__all__ = ["BUSES", "Machine", "Problem", "Read", "Resource", "StreamMachine", "UpdateMachine", "kept", "reads"]
 
 BUSES = {"main": "result bus", "side": "side bus"}
 """Names of the buses in reports."""
@@ -48,6 +47,7 @@ class Machine(ABC):
     Parameters
     ----------
     pool : Pool
+        Settled for the engine by the subclass.
 
     Attributes
     ----------
@@ -123,10 +123,10 @@ class UpdateMachine(Machine):
     """
 
     def __init__(self, pool):
-        super().__init__(pool)
-        if pool.side_memory and pool.operand_memory is not MemoryStyle.DISTRIBUTED:
+        super().__init__(pool.settled(channels=1))
+        if self.pool.side_memory and self.pool.operand_memory is not MemoryStyle.DISTRIBUTED:
             raise ValueError("operand_memory must be distributed if there is a side memory")
-        self.lead = self.first_issue = pool.memory_delay - 1
+        self.lead = self.first_issue = self.pool.memory_delay - 1
 
     def needs_step(self, node):
         return node.operation != "constant"
@@ -193,8 +193,8 @@ class StreamMachine(Machine):
     first_input, first_issue = 1, 2
 
     def __init__(self, pool):
-        super().__init__(pool)
-        if pool.forwarding:
+        super().__init__(pool.settled(channels=2))
+        if self.pool.forwarding:
             raise ValueError("forwarding must be False for several channels: all operands come from memory")
 
     def prepared(self, graph):
@@ -240,17 +240,6 @@ class StreamMachine(Machine):
 
     def fetched(self, read):
         return not read.condition
-
-
-def streaming(pool: Pool) -> Pool:
-    """The pool for several channels that replaces a pool for one channel.
-
-    A pool that forwards results is replaced by one that fits many values: no forwarding, operands in block RAM, and a
-    side memory. A pool that does not forward is returned unchanged.
-    """
-    if not pool.forwarding:
-        return pool
-    return replace(pool, forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=True)
 
 
 def _with_signs(graph, copies):

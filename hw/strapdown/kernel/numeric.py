@@ -14,11 +14,14 @@ __all__ = ["Float64", "Twin"]
 class Float64:
     """The namespace in which a kernel computes on plain float64 scalars and arrays."""
 
-    select = staticmethod(np.where)
+    @staticmethod
+    def select(condition, a, b):
+        """``a`` where the condition holds, else ``b``."""
+        return np.where(condition, a, b)
 
     def __getattr__(self, name):
         known = meaning(name)
-        return known.float64 if isinstance(known, Operation) else partial(known, self)
+        return partial(_exact, known) if isinstance(known, Operation) else partial(known, self)
 
     @staticmethod
     def given_integer(array):
@@ -29,6 +32,11 @@ class Float64:
     def section(name):
         """Sections have no effect on arithmetic."""
         return nullcontext()
+
+
+def _exact(operation, *operands):
+    operation.check(operands)
+    return operation.float64(*operands)
 
 
 class Twin(Namespace):

@@ -1,6 +1,8 @@
 """The pool of operators of an engine."""
 
 import enum
+import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
@@ -69,6 +71,16 @@ class MemoryStyle(enum.Enum):
     """Block RAM: an operand's address is needed one cycle earlier."""
 
 
+SUITED: dict[str, tuple[Any, Any]] = {
+    "forwarding": (True, False), "operand_memory": (MemoryStyle.DISTRIBUTED, MemoryStyle.BLOCK),
+    "side_memory": (False, True)}
+"""Fields of a Pool that may be None, to what suits an engine for one channel and an engine for several."""
+
+RESERVED = {"input", "other", "bus", "memory", "side", "main", "operands", "signs", "microcode", "main_memory",
+            "side_memory", "bank", "fresh", "banks", "freshness"}
+"""Names beside those of units in the engines: sources of operands and results, buses, memories and state."""
+
+
 @dataclass(frozen=True)
 class Pool:
     """The operators of an engine, their timing, and the memories that feed them.
@@ -79,28 +91,36 @@ class Pool:
         Format of all numbers.
     operators : tuple of Operator
         The operators; a circuit contains only those that its equations use.
-    forwarding : bool
-        True if a result can be an operand in the cycle in which it comes out, without the memory.
+    forwarding : bool or None
+        True if a result can be an operand in the cycle in which it comes out, without the memory. None: True for one
+        channel, False for several.
     private_ports : bool
         True if every adder and every multiplier has its own pair of read ports.
-    operand_memory, microcode : MemoryStyle
-        The kind of each memory.
-    side_memory : bool
-        True for a second result bus, with a separate memory for results of adders and multipliers.
+    operand_memory : MemoryStyle or None
+        The kind of the operand memory. None: distributed for one channel, block for several.
+    microcode : MemoryStyle
+        The kind of the ROM.
+    side_memory : bool or None
+        True for a second result bus, with a separate memory for results of adders and multipliers. None: False for one
+        channel, True for several.
 
-    Raises: TypeError and ValueError for parameters that an operator refuses, for an object that is not an operator, for
-    two operators that offer the same operation, and for operators without a selector.
+    A memory style may also be given as its value, "distributed" or "block".
+
+    Raises: TypeError and ValueError for a field of a wrong type, for parameters that an operator refuses, for an object
+    that is not an operator, for two operators that offer the same operation, for operators without a selector, for two
+    units that take a condition, and for names of units that are equal or that the engines use.
     """
 
     format: FloatFormat = FLUSHED32
     operators: tuple[Operator, ...] = (Adder(), Multiplier(), Divider(count=2), Arctangent(), Selector())
-    forwarding: bool = True
+    forwarding: bool | None = None
     private_ports: bool = True
-    operand_memory: MemoryStyle = MemoryStyle.DISTRIBUTED
+    operand_memory: MemoryStyle | None = None
     microcode: MemoryStyle = MemoryStyle.BLOCK
-    side_memory: bool = False
+    side_memory: bool | None = None
 
     def __post_init__(self):
+        self._check_types()
         offered: dict[str, str] = {}
         for each in self.operators:
             if not isinstance(each, Operator):
@@ -112,7 +132,46 @@ class Pool:
                 offered[operation.name] = each.name
         if "copy" not in offered:
             raise ValueError("operators must include a Selector, which copies numbers")
-        _ = self.units  # each operator checks its parameters
+        self._check_units()  # each operator checks its parameters
+
+    def _check_types(self):
+        """Refuse fields of another type, and turn values of memory styles into MemoryStyle."""
+        if not isinstance(self.format, FloatFormat):
+            raise TypeError(f"format must be a FloatFormat, not {self.format!r}")
+        if not isinstance(self.operators, tuple):
+            raise TypeError(f"operators must be a tuple of operators, not {self.operators!r}")
+        given = {name: getattr(self, name) for name in ("forwarding", "private_ports", "side_memory", "operand_memory",
+                                                        "microcode")}
+        for name, value in given.items():
+            if value is None and name in SUITED:
+                continue
+            if name in ("operand_memory", "microcode"):
+                try:
+                    object.__setattr__(self, name, MemoryStyle(value))
+                except ValueError:
+                    raise ValueError(f"{name} must be distributed or block, not {value!r}") from None
+            elif not isinstance(value, bool):
+                raise TypeError(f"{name} must be True or False, not {value!r}")
+
+    def _check_units(self):
+        """Refuse units that the engines cannot tell apart, or that need a second condition a cycle."""
+        names = [unit.name for unit in self.units]
+        for name in names:
+            if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
+                raise ValueError(f"an operator must have letters, digits and underscores for a name, not {name!r}")
+            if name in RESERVED:
+                raise ValueError(f"an operator must not have the name {name}: the engines use it themselves")
+        modes = [f"{unit.name}_{mode}" for unit in self.units for mode in unit.modes.values()]
+        for kind, found in ("unit", names), ("mode", modes):
+            if twice := [name for name, count in Counter(found).items() if count > 1]:
+                raise ValueError(f"operators must have different names: there are two {kind}s {twice[0]}")
+        if len(choosers := [unit.name for unit in self.units if unit.takes_condition]) > 1:
+            raise ValueError(f"one unit of a pool can take a condition, not {' and '.join(choosers)}")
+
+    def settled(self, channels):
+        """This pool with what is None settled, for an engine of so many channels."""
+        open_ones = [name for name in SUITED if getattr(self, name) is None]
+        return replace(self, **{name: SUITED[name][channels > 1] for name in open_ones}) if open_ones else self
 
     def with_operators(self, *operators):
         """This pool with more operators; an operator replaces one of the same kind."""

@@ -28,8 +28,7 @@ class StreamEngine(SystemComponent):
     system : System
         Equations and interface.
     pool : Pool
-        Operators, without forwarding; the circuit contains only those that the equations use. ``machine.streaming``
-        makes such a pool from a pool for a single channel.
+        Operators, without forwarding; the circuit contains only those that the equations use.
     channels : int
         Number of states, a power of two from 2 to 64.
     interval : int or None

@@ -237,8 +237,12 @@ class System:
     def trace(self, pool):
         """The graph of the equations, in the operations and the format of a pool.
 
-        Raises: ValueError for an operation that the pool lacks, and for an integer port that is too wide.
+        Raises: ValueError for an operation that the pool lacks, for an input port that has the name of a unit, and for
+        an integer port that is too wide.
         """
+        for unit in pool.units:
+            if unit.name in self.input_ports:
+                raise ValueError(f"input port {unit.name} must not have the name of an operator of the pool")
         for port, bits in self.integers.items():
             if bits > (most := integer_bits(pool.format)):
                 raise ValueError(f"integer port {port} must have at most {most} bits in {pool.format.name}, not {bits}")

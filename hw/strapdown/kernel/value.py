@@ -21,7 +21,8 @@ class Namespace(ABC):
     pool : Pool
         The available units.
 
-    Raises: AttributeError for an unknown operation; ValueError for one that the pool cannot compute.
+    Raises: AttributeError for an unknown operation; ValueError for one that the pool cannot compute; TypeError for a
+    wrong number of operands.
     """
 
     def __init__(self, pool):
@@ -62,7 +63,11 @@ class Namespace(ABC):
         return partial(self.call, known) if isinstance(known, Operation) else partial(known, self)
 
     def call(self, operation, *operands):
-        """Result of an Operation on values or numbers: a value, or a condition if the operation gives one."""
+        """Result of an Operation on values or numbers: a value, or a condition if the operation gives one.
+
+        Raises: TypeError for a wrong number of operands; ValueError if the pool cannot compute it.
+        """
+        operation.check(operands)
         values = [self.lift_value(operand) for operand in operands]
         if operation.name in self.pool.operations:
             result = self.apply(operation.name, *values)

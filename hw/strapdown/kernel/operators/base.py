@@ -21,6 +21,8 @@ class Operation:
         results.
     float64 : callable
         Function of float64 arrays; returns the array of results.
+    operands : int
+        Number of operands, 1 or 2, without the condition.
     fallback : callable
         Function of ``xp`` and values; returns the result from other operators, for a pool without this one. None: other
         operators cannot compute it.
@@ -37,11 +39,18 @@ class Operation:
     name: str
     twin: Callable
     float64: Callable
+    operands: int = 2
     fallback: Callable | None = None
     mode: str = ""
     spreads: bool = False
     takes_condition: bool = False
     gives_condition: bool = False
+
+    def check(self, given):
+        """Raise TypeError unless ``given``, the operands of a call, are as many as the operation takes."""
+        wanted = self.operands + self.takes_condition
+        if len(given) != wanted:
+            raise TypeError(f"xp.{self.name} takes {wanted} operand{'s' * (wanted > 1)}, not {len(given)}")
 
 
 OPERATIONS: dict[str, Operation] = {}
@@ -49,6 +58,13 @@ OPERATIONS: dict[str, Operation] = {}
 
 FUNCTIONS: dict[str, Callable] = {}
 """Further names for kernels. Each maps to a function of ``xp`` and operands that consists of operations."""
+
+_DEFINED_BY: dict[str, tuple[str, str]] = {}
+"""Name of an operation or a function to the module and the qualified name of the operator that defines it."""
+
+_OTHER_MEANINGS = {"input", "state", "constant", "apply", "call", "is_negative", "lift", "lift_value",
+                   "negate", "pool", "section", "subtract"}
+"""What is no operation, in graphs and in the namespaces of kernels."""
 
 
 def meaning(name):
@@ -63,15 +79,16 @@ def meaning(name):
 class Operator:
     """Base of the kinds of operators: frozen dataclasses whose fields are count and timing parameters.
 
-    Defining a subclass makes its operations known to kernels.
+    Defining a subclass makes its operations known to kernels, wherever its file is. A class of the same module and
+    name replaces the one before it, as after a reload.
 
     Attributes
     ----------
     name : str
         Name of the instance in the Verilog; several instances are numbered.
     component : type
-        The circuit. It takes the format of the numbers and the timing parameters by name. It has the members
-        ``start`` and ``result``, those of ``operands``, the modes of the operations, and ``condition`` if an
+        The circuit, a ``Described``. It takes the format of the numbers and the timing parameters by name. It has the
+        members ``start`` and ``result``, those of ``operands``, the modes of the operations, and ``condition`` if an
         operation takes one. It also has ``latency`` and ``interval``.
     operations : tuple of Operation
         The operations that the component computes.
@@ -79,6 +96,7 @@ class Operator:
         Further names for kernels. Each maps to a function of ``xp`` and operands that consists of operations.
     operands : tuple of str
         Members of the component that take the operands, the condition excluded: one or two.
+        An operation of one operand gets it at both.
     direct : bool
         True if results go directly to the result bus, and can be operands in the cycle in which they come out. The
         results of operators that are seldom used are registered once more on the way.
@@ -86,6 +104,9 @@ class Operator:
         Name of the operator whose pairs of read ports this one shares; empty if it has its own.
     count : int
         Number of instances.
+
+    Raises: ValueError for a class that defines an operation of another operator, or a name with another meaning in
+    kernels, and for operands that are not one or two members.
     """
 
     name: ClassVar[str]
@@ -99,11 +120,31 @@ class Operator:
 
     def __init_subclass__(cls, **arguments):
         super().__init_subclass__(**arguments)
-        for name, each in ({operation.name: operation for operation in cls.operations} | cls.functions).items():
-            if (OPERATIONS | FUNCTIONS).get(name, each) is not each:
+        cls._check_operands()
+        owner = cls.__module__, cls.__qualname__
+        known, offered = OPERATIONS | FUNCTIONS, {each.name: each for each in cls.operations} | cls.functions
+        for name, each in offered.items():
+            if name in _OTHER_MEANINGS:
+                raise ValueError(f"{cls.__name__} must not define {name}: the name has another meaning in kernels")
+            if known.get(name, each) is not each and _DEFINED_BY[name] != owner:
                 raise ValueError(f"{cls.__name__} must not define {name} anew: another operator has it already")
-        OPERATIONS.update({operation.name: operation for operation in cls.operations})
+        # The class may be there already, from before its module was loaded again.
+        for name in [name for name, other in _DEFINED_BY.items() if other == owner]:
+            for names in OPERATIONS, FUNCTIONS, _DEFINED_BY:
+                names.pop(name, None)
+        for name in offered:
+            _DEFINED_BY.setdefault(name, owner)
+        OPERATIONS.update({each.name: each for each in cls.operations})
         FUNCTIONS.update(cls.functions)
+
+    @classmethod
+    def _check_operands(cls):
+        if not isinstance(cls.operands, tuple) or not 1 <= len(cls.operands) <= 2:
+            raise ValueError(f"operands of {cls.__name__} must be a tuple of one or two members, not {cls.operands!r}")
+        for operation in cls.operations:
+            if not 1 <= operation.operands <= len(cls.operands):
+                raise ValueError(f"operation {operation.name} must take 1 to {len(cls.operands)} operands, as "
+                                 f"{cls.__name__} has, not {operation.operands!r}")
 
     def __post_init__(self):
         if operator.index(self.count) < 1:

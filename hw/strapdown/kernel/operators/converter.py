@@ -60,7 +60,7 @@ class Converter(Operator):
     beside = "adder"
     operands = ("operand",)
     operations = (Operation("from_integer", twin=lambda component, word: component.compute(word),
-                            float64=lambda integer: np.asarray(integer, np.float64)),)
+                            float64=lambda integer: np.asarray(integer, np.float64), operands=1),)
 
     latency: int = 2
     count: int = 1

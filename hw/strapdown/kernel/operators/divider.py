@@ -29,7 +29,7 @@ class Divider(Operator):
     operations = (
         Operation("divide", twin=lambda component, a, b: component.compute(a, b, False), float64=np.divide),
         Operation("sqrt", twin=lambda component, a: component.compute(a, a, True), float64=np.sqrt,
-                  mode="square_root"))
+                  operands=1, mode="square_root"))
 
     bits_per_cycle: int = 1
     count: int = 1

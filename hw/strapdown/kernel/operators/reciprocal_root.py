@@ -28,7 +28,7 @@ class ReciprocalRoot(Operator):
     beside = "multiplier"
     operands = ("a",)
     operations = (Operation("rsqrt", twin=lambda component, a: component.compute(a),
-                            float64=lambda a: 1 / np.sqrt(a), fallback=lambda xp, a: 1 / xp.sqrt(a)),)
+                            float64=lambda a: 1 / np.sqrt(a), operands=1, fallback=lambda xp, a: 1 / xp.sqrt(a)),)
 
     bits_per_cycle: int = 1
     count: int = 1

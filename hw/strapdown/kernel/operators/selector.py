@@ -25,4 +25,4 @@ class Selector(Operator):
         Operation("select", twin=lambda component, a, b, condition: component.compute(a, b, condition),
                   float64=lambda a, b, condition: np.where(condition, a, b), takes_condition=True),
         # A choice between a number and itself.
-        Operation("copy", twin=lambda component, a: a, float64=lambda a: a))
+        Operation("copy", twin=lambda component, a: a, float64=lambda a: a, operands=1))

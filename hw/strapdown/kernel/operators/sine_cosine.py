@@ -8,6 +8,7 @@ import numpy as np
 from amaranth import *
 from amaranth.lib.wiring import In, Out
 
+from strapdown.algorithms import sine
 from strapdown.component import Described
 from strapdown.cordic import CordicSinCos
 
@@ -65,6 +66,8 @@ class SineOrCosine(Described):
 class SineCosine(Operator):
     """Iterative sine and cosine of an angle in radians, below 256 in magnitude: ``xp.sin``, ``xp.cos``, ``xp.sincos``.
 
+    Without this operator they are polynomials on the other operators, for angles from -2π to 2π.
+
     A rotation computes both, but an operation of a pool has one result, so ``xp.sincos`` is two rotations. A
     component that keeps the second result would save one of them. But then no other angle could come between the
     two, and a schedule could not place them freely.
@@ -82,8 +85,10 @@ class SineCosine(Operator):
     beside = "multiplier"
     operands = ("angle",)
     operations = (
-        Operation("sin", twin=lambda component, angle: component.compute(angle).sin, float64=np.sin),
-        Operation("cos", twin=lambda component, angle: component.compute(angle).cos, float64=np.cos, mode="cosine"))
+        Operation("sin", twin=lambda component, angle: component.compute(angle).sin, float64=np.sin, operands=1,
+                  fallback=sine.sine),
+        Operation("cos", twin=lambda component, angle: component.compute(angle).cos, float64=np.cos, operands=1,
+                  fallback=sine.cosine, mode="cosine"))
     functions: ClassVar = {"sincos": lambda xp, angle: (xp.sin(angle), xp.cos(angle))}
 
     steps_per_cycle: int = 1
