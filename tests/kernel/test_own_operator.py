@@ -1,6 +1,7 @@
 """The operator of docs/kernels.md, in a file of its user's: in the twin, in both schedules and in both circuits."""
 
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from strapdown.cli import main
 from strapdown.cli.common import named_configuration
 from strapdown.cores import main_module, make_core
 from strapdown.export import write
+from strapdown.kernel.list_scheduler import list_schedule
+from strapdown.kernel.machine import UpdateMachine, reads
 from strapdown.kernel.numeric import Float64
-from strapdown.kernel.operators import OPERATIONS
+from strapdown.kernel.operators import OPERATIONS, Multiplier
+from strapdown.kernel.trace import Tracer
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
 
@@ -57,15 +61,25 @@ def test_the_twin_is_the_equation(config):
     assert Float64().distance(3.0, -5.0) == 8
 
 
+def test_results_on_their_way_to_a_reader_take_the_bus(config):
+    """Chains of such results beside each other: the schedule verifies that each has the result bus to itself."""
+    pool = config.pool.with_operators(Multiplier(count=2))
+    xp = Tracer(pool, ("ONLY",))
+    ports = [f"x{index}" for index in range(8)]
+    x = [xp.source("input", port) for port in ports]
+    outputs = {f"y{index}": xp.settled(xp.distance(xp.distance(a, b) * 3.0, a * b) + a)
+               for index, (a, b) in enumerate(pairwise(x))}
+    schedule = list_schedule(xp.graph(inputs=tuple(ports), outputs=outputs), UpdateMachine(pool))
+    distances = [step for step in schedule.steps if step.unit == "distance"]
+    assert len(distances) == 14
+    assert all(schedule.on_bus(step) for step in distances)
+    assert any(schedule.forwarded(step, read) for step in schedule.steps for read in reads(step.node)
+               if read.node.operation == "distance")
+
+
 @pytest.mark.verilator
 def test_the_circuit_is_the_twin_in_every_bit(config, models, tmp_path):
     core = make_core(main_module(config), config)
-    # Results of such a unit may be operands of each other, but never without the result bus.
-    schedule = core.engine.program.schedule
-    distances = [step for step in schedule.steps if step.unit == "distance"]
-    assert len(distances) == 5
-    assert all(schedule.on_bus(step) for step in distances)
-    assert any(not step.stored for step in distances)
     model = CoreModel(core, write(core, tmp_path, command=""), models)
     inputs = stimulus(2)
     result = model.update(inputs)
