@@ -289,7 +289,7 @@ def test_a_reference_without_a_valid_sample_gives_valid_json(tmp_path, twin):
 @pytest.mark.parametrize("field", ["accelerometer_axes", "gyro_axes"])
 def test_left_handed_axes_are_refused(field):
     assert_one_line(run("explain", "flight", "--set", f"{field}=+y,+x,+z"),
-                    f"configuration flight: {field} must be right-handed, as a rotated sensor is: turn one sign round, "
+                    f"configuration flight: {field} must be right-handed, like a rotated sensor: change one sign, "
                     "or swap two axes, not '+y,+x,+z'")
 
 

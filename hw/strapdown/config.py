@@ -40,7 +40,7 @@ def _left_handed(axes):
 
 def _right_handed(axes):
     if _left_handed(axes):
-        raise ValueError("must be right-handed, as a rotated sensor is: turn one sign round, or swap two axes")
+        raise ValueError("must be right-handed, like a rotated sensor: change one sign, or swap two axes")
     return axes
 
 
@@ -73,7 +73,7 @@ class Config(BaseModel):
     sample_rate_hz: float = Field(gt=0, le=1e6, allow_inf_nan=False, description="updates per second, 1/T")
     pool: pydantic.InstanceOf[Pool] = Field(default=Pool(), description="operators of the engine")
     channels: Annotated[int, AfterValidator(_power_of_two)] = Field(
-        default=1, ge=1, le=64, description="sensors that share one core, each with a state of its own; a power of two")
+        default=1, ge=1, le=64, description="sensors that share one core, each with a separate state; a power of two")
     interval: int | None = Field(
         default=None, ge=1, le=10_000,
         description="clock cycles from one sample to the next of several channels; None: the scheduler's choice")

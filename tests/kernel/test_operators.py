@@ -97,7 +97,7 @@ def test_the_stream_is_the_twin_in_every_bit(models, tmp_path):
 
 
 def test_an_integer_port_must_be_an_input():
-    with pytest.raises(ValueError, match=r"^integers names 'in_c', which is no input port$"):
+    with pytest.raises(ValueError, match=r"^integers names 'in_c', which is not an input port$"):
         replace(SYSTEM, integers={"in_c": 16})
 
 

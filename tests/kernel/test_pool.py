@@ -179,7 +179,7 @@ def test_a_class_can_be_defined_again():
 
 
 def test_an_operation_is_defined_once():
-    with pytest.raises(ValueError, match=r"^Other must not define add anew: another operator has it already$"):
+    with pytest.raises(ValueError, match=r"^Other must not define add: another operator already defines it$"):
         class Other(Operator):
             name = "other"
             operations = (Operation("add", twin=None, float64=None),)

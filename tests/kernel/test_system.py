@@ -95,7 +95,7 @@ def test_an_unknown_state_is_told_in_one_line():
 
 
 def test_a_reset_of_no_word_is_refused():
-    with pytest.raises(ValueError, match=r"^reset names 'w', which is no word of the state$"):
+    with pytest.raises(ValueError, match=r"^reset names 'w', which is not a word of the state$"):
         replace(INS_TOP, reset={"w": 1.0})
 
 

@@ -180,7 +180,7 @@ THESIS = AttitudeConfig(
     sample_rate_hz=500, kp=10, ki=0.5, magnetometer_axes=("+y", "-x", "+z"))
 
 THESIS_COMPACT = THESIS.replace(
-    name="thesis_compact", description="the same, small: one operation after another, atan2 without a unit of its own",
+    name="thesis_compact", description="the same, small: one operation after another, atan2 without an operator",
     pool=Pool(operators=(Adder(), Multiplier(), Divider(), Selector()),
               forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False))
 

@@ -121,11 +121,11 @@ class System:
             raise ValueError(f"{self.name} has two ports called {twice[0]!r}")
         words = dict.fromkeys(leaves(self.state), 0.0)
         if unknown := [word for word in self.reset if word not in words]:
-            raise ValueError(f"reset names {unknown[0]!r}, which is no word of the state")
+            raise ValueError(f"reset names {unknown[0]!r}, which is not a word of the state")
         object.__setattr__(self, "reset", words | self.reset)
         for port, bits in self.integers.items():
             if port not in self.input_ports:
-                raise ValueError(f"integers names {port!r}, which is no input port")
+                raise ValueError(f"integers names {port!r}, which is not an input port")
             if bits < 2:
                 raise ValueError(f"integer port {port} must have at least 2 bits, not {bits!r}")
 

@@ -127,7 +127,7 @@ class Operator:
             if name in _OTHER_MEANINGS:
                 raise ValueError(f"{cls.__name__} must not define {name}: the name has another meaning in kernels")
             if known.get(name, each) is not each and _DEFINED_BY[name] != owner:
-                raise ValueError(f"{cls.__name__} must not define {name} anew: another operator has it already")
+                raise ValueError(f"{cls.__name__} must not define {name}: another operator already defines it")
         # The class may be there already, from before its module was loaded again.
         for name in [name for name, other in _DEFINED_BY.items() if other == owner]:
             for names in OPERATIONS, FUNCTIONS, _DEFINED_BY:
