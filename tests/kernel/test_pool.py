@@ -174,7 +174,7 @@ def test_a_class_can_be_defined_again():
     new = defined("again")
     assert OPERATIONS["again"] is new.operations[0]
     assert "gone" not in OPERATIONS
-    with pytest.raises(ValueError, match=r"^Other must not define again anew: another operator has it already$"):
+    with pytest.raises(ValueError, match=r"^Other must not define again: another operator already defines it$"):
         type("Other", (Operator,), {"operations": (Operation("again", twin=None, float64=None),)})
 
 
