@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from strapdown.cli import main
 from strapdown.link import NAVIGATION, FrameSender
 from strapdown_lab.checkout import ROOT
-from strapdown_lab.docs import own_kernel
+from strapdown_lab.docs import own_kernel, own_operator
 from strapdown_lab.proof import mutation
 from strapdown_lab.proof.__main__ import main as proof
 from strapdown_lab.proof.solver import Outcome
@@ -59,11 +59,6 @@ def frames():
     """Bytes in the form of the serial link."""
     sender = FrameSender(NAVIGATION.number, 36, clock_hz=1e8, baud_rate=921_600)
     return b"".join(sender.compute(counter, 0, np.arange(9, dtype="<f4").tobytes()) for counter in range(5))
-
-
-def own_file():
-    """The example of docs/kernels.md."""
-    return own_kernel((ROOT / "docs" / "kernels.md").read_text(encoding="utf-8"))
 
 
 class TwinModel:
@@ -108,7 +103,9 @@ def strapdown(words, place):
     """Run the command itself."""
     (place.folder / "flight.csv").write_text(recording())
     (place.folder / "recorded.bin").write_bytes(frames())
-    (place.folder / "my_core.py").write_text(own_file())
+    page = (ROOT / "docs" / "kernels.md").read_text(encoding="utf-8")
+    (place.folder / "my_core.py").write_text(own_kernel(page))
+    (place.folder / "my_operator.py").write_text(own_operator(page))
     place.stand_in("strapdown_sim.replay.CoreModel", TwinModel)
     # The Verilog would take most of the time; other tests make and compare it.
     place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")

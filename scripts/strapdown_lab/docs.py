@@ -142,6 +142,12 @@ def demo_block(summary):
           f"{difference['rms']:.6f}°", summary["bits_differing_from_twin"]]])
 
 
+def own_operator(page):
+    """The file of the example of an operator in docs/kernels.md: the first block of Python of its section."""
+    section = page[page.index("\n## An operator of your own\n"):]
+    return re.findall(r"```python\n(.*?)```", section, re.DOTALL)[0]
+
+
 def own_kernel(page):
     """The file of the example in docs/kernels.md: its first two blocks of Python."""
     section = page[page.index("\n## A kernel of your own\n"):]

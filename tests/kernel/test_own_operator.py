@@ -1,6 +1,5 @@
 """The operator of docs/kernels.md, in a file of its user's: in the twin, in both schedules and in both circuits."""
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +15,7 @@ from strapdown.kernel.machine import UpdateMachine, reads
 from strapdown.kernel.numeric import Float64
 from strapdown.kernel.operators import OPERATIONS, Multiplier
 from strapdown.kernel.trace import Tracer
+from strapdown_lab.docs import own_operator
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
 
@@ -27,10 +27,8 @@ BIG = 3e38
 @pytest.fixture
 def config(root, tmp_path, monkeypatch):
     """The configuration in the page's file, which is loaded anew for each test."""
-    page = (root / "docs" / "kernels.md").read_text()
-    section = page[page.index("\n## An operator of your own\n"):]
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_operator.py").write_text(re.search(r"```python\n(.*?)```", section, re.DOTALL)[1])
+    (tmp_path / "my_operator.py").write_text(own_operator((root / "docs" / "kernels.md").read_text()))
     return named_configuration("my_operator.py:PERIMETER")
 
 
