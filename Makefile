@@ -6,11 +6,12 @@ SIM ?= verilator
 WAVES ?=
 RECORDINGS ?= ../shared/recordings
 ONLY ?=
+BASE ?= HEAD
 PART ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim report formal exhaustive mutants accuracy lint docs clean
+.PHONY: help setup icarus demo verilog test sim report compare formal exhaustive mutants accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -47,6 +48,9 @@ sim: setup ## Run every module's cocotb bench in SIM=icarus or verilator; WAVES=
 report: $(VENV)/ready-report ## Synthesise, place and route operators and cores; figures for `make docs` in docs/report.
 	$(BIN)/strapdown report --output build/report
 	mkdir -p docs/report && cp build/report/*.json build/report/*.png docs/report
+
+compare: $(VENV)/ready-report ## Compare the cores with those of the commit BASE: cycles, resources, clock frequency.
+	$(BIN)/strapdown compare $(BASE) --output build/compare
 
 formal: $(VENV)/ready-formal ## Prove properties of the operators; ONLY=REGEX selects some. See docs/proof.md.
 	$(BIN)/python -m strapdown_lab.proof formal --only '$(ONLY)'

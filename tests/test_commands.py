@@ -204,6 +204,9 @@ def recipe(words, place):
         case ["strapdown", "report", *rest]:
             # The complete report would still take minutes.
             report(["strapdown", "report", "--only", "add", "--config", "quaternion_j2", *rest], place)
+        case ["strapdown", "compare", *rest]:
+            # tests/lab/test_compare.py runs the command.
+            assert place.invoke(main, ["compare", *rest, "--help"]).startswith("Usage:")
         case ["strapdown", "accuracy", *rest]:
             accuracy(["strapdown", "accuracy", *rest], place)
         case ["strapdown", *rest]:
@@ -220,7 +223,7 @@ def recipe(words, place):
             raise AssertionError(f"no rule for {other}")
 
 
-OWN = {"demo", "verilog", "report", "formal", "exhaustive", "mutants", "accuracy", "docs"}
+OWN = {"demo", "verilog", "report", "compare", "formal", "exhaustive", "mutants", "accuracy", "docs"}
 """Targets whose recipes call commands of the project; others call tools, which `make -n` shows."""
 
 RULES = {

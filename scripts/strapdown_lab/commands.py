@@ -15,15 +15,17 @@ from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.recordings import RecordingError
 
+from .report.compare import CommitError, comparison_table, earlier_circuits, present_circuits
+from .report.compare import compare as compare_circuits
 from .report.cores import CORES
 from .report.measure import core_design, measure, operator_design, provenance
 from .report.operators import MEASURED
-from .report.report import write_cores, write_operators, write_page
+from .report.report import write_cores, write_json, write_operators, write_page
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
 from .synthesis import ToolMissingError
 
-__all__ = ["accuracy", "report"]
+__all__ = ["accuracy", "compare", "report"]
 
 
 @click.command()
@@ -76,6 +78,41 @@ def report(operators, cores, only, config_names, place, output, build):
             write_operators(folder, reports["operators"])
         path = write_page(folder, **reports)
     click.echo(output / path.name)
+
+
+@click.command()
+@click.argument("commit")
+@click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
+              help="Compare only the core of this configuration. May be repeated.")
+@click.option("--place/--no-place", default=True, show_default=True, help="Place and route, for the clock frequency.")
+@click.option("--seeds", type=click.IntRange(min=1), default=5, show_default=True,
+              help="Number of seeds of the placer; the frequency is their median.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/compare"),
+              show_default=True, help="Folder for compare.json and compare.md.")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder that keeps the results of the tools.")
+def compare(commit, config_names, place, seeds, output, build):
+    """Compare cycles, resources and clock frequency of the cores with those of an earlier COMMIT.
+
+    Both are generated and measured by the same tools in one run. Results are kept: an interrupted run continues where
+    it stopped.
+    """
+    entries = [entry for entry in CORES if not config_names or entry.config.name in config_names]
+    placed = [entry.config.name for entry in entries if place and entry.placed]
+    try:
+        with writing(output), progress_bars() as bars:
+            before = earlier_circuits(commit, entries, build / "compare" / "before")
+            after = present_circuits(entries, build / "compare" / "after")
+            tools = sum(1 + (circuit.config in placed) for circuit in (*before, *after))
+            task = bars.add_task("circuits", total=tools)
+            rows = compare_circuits(before, after, placed, tuple(range(1, seeds + 1)),
+                                    Cache(build / "report" / "cache"), partial(bars.advance, task))
+    except (CommitError, ToolMissingError) as error:
+        raise UserError(str(error)) from None
+    with writing(output), written_together(output) as folder:
+        write_json(folder / "compare.json", {"commit": commit, "seeds": seeds, "cores": rows})
+        (folder / "compare.md").write_text(comparison_table(rows) + "\n", encoding="utf-8")
+    click.echo(output / "compare.md")
 
 
 @click.command()

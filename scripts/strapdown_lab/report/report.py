@@ -5,7 +5,7 @@ import json
 from .plots import core_plot, operator_plot
 from .tables import anchor_table, core_table, flow_lines, operator_tables
 
-__all__ = ["write_cores", "write_operators", "write_page"]
+__all__ = ["write_cores", "write_json", "write_operators", "write_page"]
 
 CORES_FILE, OPERATORS_FILE, PAGE = "cores.json", "operators.json", "report.md"
 CORE_PICTURE, OPERATOR_PICTURE = "cores.png", "operators.png"
@@ -13,19 +13,20 @@ CORE_PICTURE, OPERATOR_PICTURE = "cores.png", "operators.png"
 
 def write_operators(directory, report):
     """Write operators.json and, if they were placed and routed, operators.png."""
-    _write(directory / OPERATORS_FILE, report)
+    write_json(directory / OPERATORS_FILE, report)
     if "ecp5" in report:
         operator_plot(directory / OPERATOR_PICTURE, report)
 
 
 def write_cores(directory, report):
     """Write cores.json and, if they were placed and routed, cores.png."""
-    _write(directory / CORES_FILE, report)
+    write_json(directory / CORES_FILE, report)
     if "ecp5" in report:
         core_plot(directory / CORE_PICTURE, report)
 
 
-def _write(path, report):
+def write_json(path, report):
+    """Write a report as JSON, and its folder if there is none."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 

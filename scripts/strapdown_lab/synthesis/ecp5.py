@@ -47,7 +47,7 @@ class Ecp5Placement:
     ebr : int
         Block RAMs of 18 Kbit.
     fmax_mhz : tuple of float
-        Routed clock frequency for each of ``ECP5_SEEDS``.
+        Routed clock frequency for each seed.
     critical : tuple of str
         Signals where the slowest path starts and ends, for the median seed; for hard blocks, their cells.
     """
@@ -65,8 +65,9 @@ class Ecp5Placement:
         return statistics.median(self.fmax_mhz)
 
 
-def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk") -> Ecp5Placement:
-    """Synthesise, place and route a module, once for each of ``ECP5_SEEDS``.
+def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk",
+               seeds: tuple[int, ...] = ECP5_SEEDS) -> Ecp5Placement:
+    """Synthesise, place and route a module, once for each of ``seeds``.
 
     Parameters
     ----------
@@ -78,12 +79,14 @@ def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk") -> E
         Stores the results, one for each seed.
     clock : str
         The only clock of the module.
+    seeds : tuple of int
+        Seeds of the placer.
 
     Returns: Ecp5Placement. Raises: ToolMissingError; ToolError if a tool fails.
     """
     netlist = _netlist(verilog, top, cache, clock)
     cells = _cells(netlist, top)
-    reports = [_report(netlist, seed, cache) for seed in ECP5_SEEDS]
+    reports = [_report(netlist, seed, cache) for seed in seeds]
     frequencies = tuple(_frequency(report) for report in reports)
     median = reports[frequencies.index(statistics.median_low(frequencies))]
     return Ecp5Placement(
