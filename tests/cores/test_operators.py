@@ -138,12 +138,12 @@ def expected(name, rows):
         if name in ("equl", "less"):
             return (a == b if name == "equl" else a < b).astype(np.uint64)
         if name == "fl32tofi16":
-            fixed = np.where(np.isnan(a), 32767, np.clip(np.rint(a * 2 ** 14), -32768, 32767))
+            fixed = np.where(np.isnan(a), -32768, np.clip(np.rint(a * 2 ** 14), -32768, 32767))
             return fixed.astype(np.int64).astype(np.uint64) & np.uint64(0xFFFF)
         exact = {"add": lambda: a + b, "sub": lambda: a - b, "mult": lambda: a * b, "div": lambda: a / b,
                  "sqrt": lambda: np.sqrt(a)}[name]()
         result = np.where(np.abs(exact) < 2.0 ** -126, np.copysign(0, exact), exact).astype(np.float32)
-    return np.where(np.isnan(result), np.uint32(0x7FC00000), result.view(np.uint32)).astype(np.uint64)
+    return np.where(np.isnan(result), np.uint32(0xFFC00000), result.view(np.uint32)).astype(np.uint64)
 
 
 # Ports and files.

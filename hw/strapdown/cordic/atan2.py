@@ -493,7 +493,8 @@ class CordicAtan2(CordicComponent):
                     m.d.comb += angle.eq(constant)
             with m.Default():
                 m.d.comb += angle.eq(encoded if fmt.gradual else Mux(s.exponent > shift, encoded, 0))
-        results = SimpleNamespace(result=Cat(angle, s.y_sign & (s.kind != _NAN)))
+        sign = s.y_sign | (s.kind == _NAN) if fmt.negative_nan else s.y_sign & (s.kind != _NAN)
+        results = SimpleNamespace(result=Cat(angle, sign))
 
         if self._magnitude:
             # The length lies between 1 and 4; it can be less than 1 only by its error.

@@ -3,7 +3,7 @@
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,8 +29,8 @@ from .top import CLOCK, Control, Top, through
 
 __all__ = ["RankedOperator", "VENDOR_OPERATORS", "VendorKind", "VendorOperator"]
 
-FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
-"""The vendor's operators take subnormals as zeros and produce none."""
+FLUSHED32 = replace(BINARY32, subnormals=Subnormals.FLUSH, negative_nan=True)
+"""The vendor's operators take subnormals as zeros and produce none; the sign bit of their NaN is set."""
 
 MAXIMUM_LATENCY = 64
 """Greatest latency in cycles; greater than that of any vendor operator."""
@@ -281,7 +281,7 @@ def _recurrence(make):
 _A, _B = (Port(name, In, 32, f"binary32, {name}") for name in "ab")
 _FLOAT = Port("result", Out, 32, "binary32")
 _ROUNDED = "Rounded to nearest, ties to even."
-_NANS = "Every NaN result is 7fc00000."
+_NANS = "Every NaN result is ffc00000."
 _KINDS = (
     VendorKind("add", "a + b", 11, 1, _pipeline(FpAdd, format=FLUSHED32),
                lambda op, a, b: op.compute(a, b), (_A, _B), _FLOAT,
@@ -311,7 +311,7 @@ _KINDS = (
                lambda op, a: op.compute(a), (_A,),
                Port("result", Out, 16, "two's complement, 14 fraction bits"),
                (_ROUNDED, "A number out of range becomes the nearest end of the range, infinities included.",
-                "NaN becomes the largest number.")),
+                "NaN becomes the most negative number.")),
     VendorKind("fi16tofl32", "binary32 from fixed point with 13 fraction bits", 6, 1,
                _pipeline(FixedToFp, format=FLUSHED32, width=16, fraction_bits=13),
                lambda op, a: op.compute(a),

@@ -78,7 +78,8 @@ class FpToFixed(_Converter):
     Latency: ``latency`` cycles, ``start`` to ``done``; one operation per cycle; no back-pressure.
     Accuracy: correctly rounded.
     Special values: a number out of range, infinities included, becomes the nearest end of the range;
-    NaN becomes the largest number, as in the RISC-V instruction FCVT.W.S.
+    NaN becomes the largest number, as in the RISC-V instruction FCVT.W.S. If the NaN of the format is
+    negative, it becomes the least number, as in the x86 instruction CVTSS2SI.
     Flags: invalid for NaN, and for a number that is out of range after rounding; else inexact.
     Raises: ValueError if ``width``, ``fraction_bits``, ``rounding`` or ``latency`` is out of range.
     Source: IEEE 754-2019, 5.4.1 and 5.8, operation *convertToIntegerExactTiesToEven* and similar ones.
@@ -115,7 +116,8 @@ class FpToFixed(_Converter):
         distance = Signal(signed(max(fmt.exponent_width, levels) + 2))
         m.d.comb += distance.eq(self._width - 1 - self._fraction_bits + fmt.bias - a.exponent)
         special = a.is_infinite | a.is_nan
-        s = rank("distance", sign=a.sign & ~a.is_nan, significand=a.significand,
+        sign = a.sign | a.is_nan if fmt.negative_nan else a.sign & ~a.is_nan
+        s = rank("distance", sign=sign, significand=a.significand,
                  distance=distance[:levels] | distance[levels:].any().replicate(levels),
                  saturates=((distance <= 0) & a.significand[-1]) | special,
                  **({"is_beyond": (distance < 0) | special} if self._flags else {}))

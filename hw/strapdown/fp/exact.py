@@ -153,9 +153,9 @@ def to_fixed(fmt, a, width, fraction_bits, rounding):
     significand = _integers(np.where(outside | a.is_nan, 0, a.significand), width)
     magnitude, inexact = round_integer(a.sign, significand, -np.minimum(exponent, width), rounding)
     outside |= np.where(a.sign, magnitude > -lowest, magnitude > largest)
-    result = np.where(a.sign & ~a.is_nan, np.where(outside, lowest, -magnitude),
-                      np.where(outside | a.is_nan, largest, magnitude))
     invalid = outside | a.is_nan
+    result = np.where(np.where(a.is_nan, fmt.negative_nan, a.sign), np.where(invalid, lowest, -magnitude),
+                      np.where(invalid, largest, magnitude))
     flags = invalid * Flags.INVALID | (inexact & ~invalid) * Flags.INEXACT
     return result.astype(np.int64 if width <= 64 else object)[..., 0], flags.astype(np.uint8)[..., 0]
 

@@ -36,16 +36,19 @@ class FloatFormat:
         Bits of the stored fraction, at least 1.
     subnormals : Subnormals
         Policy of every circuit and twin made for this format.
+    negative_nan : bool
+        Sign of ``nan``: False as in RISC-V and Arm, True as in x86 and in older vendor cores.
 
-    Every NaN that a circuit or a twin produces is ``nan``, the quiet NaN of positive sign and
+    Every NaN that a circuit or a twin produces is ``nan``, the quiet NaN of this sign and of
     empty payload. Circuits support every format; twins support those that fit into binary64.
 
-    Raises: TypeError and ValueError for unusable widths or policy.
+    Raises: TypeError and ValueError for unusable widths or policies.
     """
 
     exponent_width: int
     fraction_width: int
     subnormals: Subnormals = Subnormals.GRADUAL
+    negative_nan: bool = False
 
     def __post_init__(self):
         for field, least in ("exponent_width", 2), ("fraction_width", 1):
@@ -54,6 +57,8 @@ class FloatFormat:
                 raise ValueError(f"{field} must be at least {least}, not {value!r}")
         if not isinstance(self.subnormals, Subnormals):
             raise TypeError(f"subnormals must be a Subnormals policy, not {self.subnormals!r}")
+        if not isinstance(self.negative_nan, bool):
+            raise TypeError(f"negative_nan must be True or False, not {self.negative_nan!r}")
 
     def with_subnormals(self, policy):
         """The same format under another subnormal policy (a ``Subnormals`` or its value)."""
@@ -111,7 +116,7 @@ class FloatFormat:
     @property
     def nan(self):
         """Encoding of the NaN that circuits and twins produce."""
-        return self.infinity | 1 << (self.fraction_width - 1)
+        return self.infinity | 1 << (self.fraction_width - 1) | self.negative_nan << (self.width - 1)
 
     @property
     def least_normal(self):
@@ -203,8 +208,8 @@ class FloatFormat:
             np.ldexp(fraction, 53).astype(np.int64), Rounding.NEAREST_EVEN)
         # A NaN that loses its payload becomes quiet; otherwise it would become infinite.
         payload = wide >> (holder.fraction_width - self.fraction_width) & ((1 << self.fraction_width) - 1)
-        special = payload | self.infinity
-        special = np.where(np.isnan(numbers) & (special == self.infinity), self.nan, special)
+        becomes_quiet = np.isnan(numbers) & (payload == 0)
+        special = np.where(becomes_quiet, 1 << (self.fraction_width - 1), payload) | self.infinity
         special = special | wide >> (holder.width - 1) << (self.width - 1)
         return np.where(finite, encoded, special).astype(self.bits_dtype)
 

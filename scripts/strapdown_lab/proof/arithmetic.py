@@ -240,7 +240,7 @@ class FixedResult(_Result):
         m.d.comb += magnitude.eq(abs(op.result))
         too_small, too_large = _misplaced(exact, rounding_of(op), magnitude, lambda integer: integer)
         with m.If(a.is_nan):
-            m.d.comb += Assert(op.result == largest)
+            m.d.comb += Assert(op.result == (~largest if op.format.negative_nan else largest))
         with m.Else():
             m.d.comb += [Assert((op.result == 0) | ((op.result < 0) == a.sign)), Assert(magnitude <= limit),
                          Assert(~too_small | (magnitude == limit)),

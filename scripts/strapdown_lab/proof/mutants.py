@@ -98,7 +98,7 @@ MUTANTS = (
           "the lowest bit does not count as sticky"),
          ("least -= source.fraction_width", "least -= 1", "the range of exponents is too small for subnormals")),
     *_of("fp/convert.py",
-         ("sign=a.sign & ~a.is_nan", "sign=a.sign", "a negative NaN becomes the least number"),
+         ("else a.sign & ~a.is_nan", "else a.sign", "a negative NaN becomes the least number"),
          ("sticky = s.aligned[:-self._width - 1].any()", "sticky = s.aligned[1:-self._width - 1].any()",
           "the lowest bit does not count as sticky"),
          ("s.saturates | (magnitude.all() & ~s.sign)", "s.saturates", "rounding up out of the range wraps round"),
