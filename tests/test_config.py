@@ -1,8 +1,23 @@
+import re
+
 import pytest
 from pydantic import ValidationError
 
 from strapdown.config import Config, ConfigError
-from strapdown.cores import CONFIGS, MAHONY, MODULES, THESIS, THESIS_X8, main_module, modules_of, system_of
+from strapdown.cores import (
+    CONFIGS,
+    MAHONY,
+    MODULES,
+    QUATERNION_J2,
+    THESIS,
+    THESIS_X8,
+    main_module,
+    make_core,
+    modules_of,
+    system_of,
+)
+from strapdown.export import description, verilog_text
+from strapdown.kernel.pool import MemoryStyle
 
 
 def test_thesis_has_the_constants_of_the_thesis():
@@ -45,12 +60,15 @@ def test_replace_takes_values_and_strings():
     ({"magnetometer_axes": ("+x", "+y")}, "configuration thesis: magnetometer_axes must name each sensor axis once, "
                                           "with its sign, as in +y,-x,+z, not ('+x', '+y')"),
     ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
-                  "interval, clock_enable, kp, ki, magnetometer_axes"),
+                  "interval, operand_memory, side_memory, microcode, clock_enable, kp, ki, magnetometer_axes"),
     ({"channels": "0"}, "configuration thesis: channels must be greater than or equal to 1, not '0'"),
     ({"channels": 6}, "configuration thesis: channels must be a power of two, not 6"),
     ({"channels": 128}, "configuration thesis: channels must be less than or equal to 64, not 128"),
     ({"interval": 100}, "configuration thesis: interval must be None (empty on a command line) where channels is 1, "
                         "not 100"),
+    ({"operand_memory": "lut"}, "configuration thesis: operand_memory must be auto, distributed or block, not 'lut'"),
+    ({"microcode": "none"}, "configuration thesis: microcode must be auto, distributed or block, not 'none'"),
+    ({"side_memory": "yes"}, "configuration thesis: side_memory must be none, auto, distributed or block, not 'yes'"),
     ({"channels": 8, "interval": 0}, "configuration thesis: interval must be greater than or equal to 1, not 0"),
 ])
 def test_errors_are_one_line(change, message):
@@ -95,3 +113,23 @@ def test_a_configuration_must_say_its_modules():
 
     with pytest.raises(NotImplementedError):
         modules_of(Unfinished(name="unfinished", description="", sample_rate_hz=1))
+
+
+@pytest.mark.parametrize(("changes", "memories", "attributes"), [
+    ({}, ("auto", False, "block"), {"microcode": "block"}),
+    ({"operand_memory": "block"}, ("block", False, "block"), {"operands": "block", "microcode": "block"}),
+    ({"side_memory": "distributed", "microcode": "distributed"}, ("auto", "distributed", "distributed"),
+     {"side_memory": "distributed", "microcode": "distributed"}),
+    ({"operand_memory": "distributed", "side_memory": "true", "microcode": "auto"}, ("distributed", "auto", "auto"),
+     {"operands": "distributed"}),
+    ({"channels": 2, "side_memory": "none", "microcode": "auto"}, ("block", False, "auto"), {"main_memory": "block"}),
+    ({"channels": 2, "operand_memory": "auto", "side_memory": ""}, ("auto", "auto", "block"), {"microcode": "block"})])
+def test_a_configuration_says_what_its_memories_are_made_of(changes, memories, attributes):
+    config = QUATERNION_J2.replace(**changes)
+    core = make_core(main_module(config), config)
+    told = description(core, config, "")["configuration"]
+    for name, wanted in zip(("operand_memory", "side_memory", "microcode"), memories, strict=True):
+        assert getattr(config.engine_pool, name) == (wanted and MemoryStyle(wanted))
+        assert told[name] == wanted
+    found = re.findall(r'\(\* r[ao]m_style = "(\w+)" \*\)\s+reg \[[^]]*\] (\w+)', verilog_text(core))
+    assert {name: style for style, name in found} == attributes

@@ -3,12 +3,13 @@
 import re
 import unicodedata
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated
 
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from strapdown.kernel.pool import Pool
+from strapdown.kernel.pool import STYLES, MemoryStyle, Pool
 from strapdown.kernel.system import System
 
 __all__ = ["Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes"]
@@ -59,9 +60,33 @@ Gain = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
 
 
+def _style(value):
+    """A memory style from a command line: the empty string is None."""
+    if value in ("", None):
+        return None
+    try:
+        return MemoryStyle(value)
+    except ValueError:
+        raise ValueError(f"must be {STYLES}") from None
+
+
+def _optional_style(value):
+    """A memory style, or no memory, from a command line."""
+    words = {"none": False, "false": False, "true": True}
+    value = words.get(value, value) if isinstance(value, str) else value
+    try:
+        return value if isinstance(value, bool) else _style(value)
+    except ValueError:
+        raise ValueError(f"must be none, {STYLES}") from None
+
+
+Style = Annotated[MemoryStyle | None, BeforeValidator(_style)]
+OptionalStyle = Annotated[MemoryStyle | bool | None, BeforeValidator(_optional_style)]
+
+
 class Config(BaseModel):
-    """Base of the configurations: a name, a description, a rate, the operators of the engine, its channels, and a clock
-    enable.
+    """Base of the configurations: a name, a description, a rate, the operators of the engine, its channels, the kinds
+    of its memories, and a clock enable.
 
     A subclass adds its fields and says in ``systems`` which modules it configures.
     """
@@ -77,7 +102,12 @@ class Config(BaseModel):
     interval: int | None = Field(
         default=None, ge=1, le=10_000,
         description="clock cycles from one sample to the next of several channels; None: the scheduler's choice")
-
+    operand_memory: Style = Field(
+        default=None, description="kind of the operand memory: auto, distributed or block; None: as in pool")
+    side_memory: OptionalStyle = Field(
+        default=None, description="kind of the memory of the second result bus, or none; None: as in pool")
+    microcode: Style = Field(
+        default=None, description="kind of the ROM: auto, distributed or block; None: as in pool")
     clock_enable: bool = Field(
         default=False, description="whether the core has a clock enable, the port ce; it counts enabled cycles only")
 
@@ -105,8 +135,11 @@ class Config(BaseModel):
 
     @property
     def engine_pool(self):
-        """The pool of the engine: ``pool``, with its open settings decided for the number of channels."""
-        return self.pool.settled(self.channels)
+        """The pool of the engine: ``pool`` with the memories of this configuration, its open settings decided for the
+        number of channels."""
+        memories = {name: value for name in ("operand_memory", "side_memory", "microcode")
+                    if (value := getattr(self, name)) is not None}
+        return replace(self.pool, **memories).settled(self.channels)
 
     @property
     def warnings(self) -> tuple[str, ...]:

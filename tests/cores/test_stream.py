@@ -223,11 +223,13 @@ def test_what_header_and_json_say_of_the_pool_is_in_the_circuit(tmp_path):
     core = make_core(main_module(config), config)
     told = description(core, config, "")["configuration"]
     pool = core.engine.program.schedule.pool
-    assert (told["forwarding"], told["side_memory"], told["private_ports"]) == (False, True, True)
+    assert (told["forwarding"], told["side_memory"], told["private_ports"]) == (False, "auto", True)
     assert (told["operand_memory"], told["microcode"]) == ("block", "block")
     assert pool.forwarding is False
     for changes, memories in (
-            ({}, {"main_memory": "block", "side_memory": "distributed", "microcode": "block"}),
+            ({}, {"main_memory": "block", "microcode": "block"}),
+            ({"side_memory": MemoryStyle.DISTRIBUTED, "operand_memory": MemoryStyle.AUTO},
+             {"side_memory": "distributed", "microcode": "block"}),
             ({"operand_memory": MemoryStyle.DISTRIBUTED, "side_memory": False, "microcode": MemoryStyle.DISTRIBUTED},
              {"main_memory": "distributed"})):
         changed = Core(core.system, replace(pool, **changes), engine=StreamEngine, channels=2)

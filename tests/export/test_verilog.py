@@ -55,7 +55,7 @@ def test_names_are_plain(folder, name):
     # Attributes tell what a memory is made of, which registers sample the reset, and which codes of a state are to
     # stay: Vivado, ISE and Yosys know these.
     assert set(re.findall(r"\(\*.*?\*\)", code)) <= {
-        '(* rom_style = "block" *)', '(* ram_style = "distributed" *)', '(* ASYNC_REG = "TRUE" *)',
+        '(* rom_style = "block" *)', '(* ASYNC_REG = "TRUE" *)',
         '(* fsm_encoding = "none" *)'}
     declared = set(re.findall(r"^\s*(?:input|output|wire|reg)\s+(?:\[\d+:\d+\]\s*)?(\w+)", code, re.MULTILINE))
     assert declared

@@ -12,9 +12,11 @@ from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.trace import Tracer
 
 
-def test_a_side_memory_wants_operands_in_luts():
-    pool = Pool(operand_memory=MemoryStyle.BLOCK, side_memory=True)
-    with pytest.raises(ValueError, match=r"^operand_memory must be distributed if there is a side memory$"):
+@pytest.mark.parametrize("pool", [Pool(operand_memory=MemoryStyle.BLOCK, side_memory=True),
+                                  Pool(side_memory=MemoryStyle.BLOCK)])
+def test_with_a_side_memory_one_channel_reads_without_a_clock_edge(pool):
+    with pytest.raises(ValueError, match=r"^operand_memory and side_memory must be auto or distributed for one channel "
+                                         r"with a side memory$"):
         UpdateMachine(pool)
     StreamMachine(replace(pool, forwarding=False))
 
@@ -26,9 +28,9 @@ def test_several_channels_do_without_forwarding():
 
 def test_what_a_pool_leaves_open_suits_the_number_of_channels():
     assert UpdateMachine(Pool()).pool == Pool().settled(1) == Pool(
-        forwarding=True, operand_memory=MemoryStyle.DISTRIBUTED, side_memory=False)
+        forwarding=True, operand_memory=MemoryStyle.AUTO, side_memory=False)
     assert StreamMachine(Pool()).pool == Pool().settled(8) == Pool(
-        forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=True)
+        forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=MemoryStyle.AUTO)
     for config in THESIS_X8, THESIS_COMPACT:
         assert config.pool.settled(1) is config.pool.settled(8) is config.pool
 

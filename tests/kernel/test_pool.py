@@ -86,9 +86,10 @@ def test_numbers_can_be_copied():
     ({"operators": Adder()}, TypeError, "operators must be a tuple of operators, not Adder(latency=5, count=1)"),
     ({"forwarding": "no"}, TypeError, "forwarding must be True or False, not 'no'"),
     ({"private_ports": None}, TypeError, "private_ports must be True or False, not None"),
-    ({"side_memory": 1}, TypeError, "side_memory must be True or False, not 1"),
-    ({"operand_memory": "lut"}, ValueError, "operand_memory must be distributed or block, not 'lut'"),
-    ({"microcode": None}, ValueError, "microcode must be distributed or block, not None")])
+    ({"side_memory": 1}, ValueError, "side_memory must be False, auto, distributed or block, not 1"),
+    ({"operand_memory": "lut"}, ValueError, "operand_memory must be auto, distributed or block, not 'lut'"),
+    ({"operand_memory": False}, ValueError, "operand_memory must be auto, distributed or block, not False"),
+    ({"microcode": None}, ValueError, "microcode must be auto, distributed or block, not None")])
 def test_fields_of_another_type_are_refused(fields, error, message):
     with pytest.raises(error, match=f"^{re.escape(message)}$"):
         Pool(**fields)
@@ -97,6 +98,7 @@ def test_fields_of_another_type_are_refused(fields, error, message):
 def test_a_memory_style_may_be_its_value():
     assert Pool(operand_memory="block", microcode="distributed") == Pool(
         operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED)
+    assert Pool(side_memory=True) == Pool(side_memory="auto") == Pool(side_memory=MemoryStyle.AUTO)
 
 
 @pytest.fixture(autouse=True)

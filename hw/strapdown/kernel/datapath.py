@@ -10,7 +10,7 @@ __all__ = ["captured_inputs", "choose", "memory", "operand_registers", "operator
 
 def memory(program, depth, style, init=()):
     """A memory of numbers."""
-    return Memory(shape=program.format.width, depth=depth, init=init, attrs={"ram_style": style.value})
+    return Memory(shape=program.format.width, depth=depth, init=init, attrs=style.attributes("ram_style"))
 
 
 def captured_inputs(m, component, program, taken):

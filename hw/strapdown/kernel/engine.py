@@ -158,7 +158,7 @@ class Engine(SystemComponent):
         idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
         m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END), running.eq(~idle & (state < END))]
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
-                                              attrs={"rom_style": program.schedule.pool.microcode.value})
+                                              attrs=program.schedule.pool.microcode.attributes("rom_style"))
         fetch = rom.read_port()
         fetched, word = Signal(program.layout, name="fetched"), Signal(program.layout, name="word")
         last, due, taken = Signal(name="last"), Signal(name="due"), Signal(name="taken")
@@ -208,7 +208,7 @@ class Engine(SystemComponent):
         m.submodules.operands = operands = memory(program, program.depth, pool.operand_memory, program.initial)
         bus = Signal(number)
         if program.side_depth:
-            m.submodules.side = side_memory = memory(program, program.side_depth, MemoryStyle.DISTRIBUTED)
+            m.submodules.side_memory = side_memory = memory(program, program.side_depth, pool.side_memory)
         components = {unit.name: unit.make() for unit in program.units}
         results = {name: Signal(number, name=f"{name}_result") for name in components}
 

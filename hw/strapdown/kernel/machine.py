@@ -124,8 +124,9 @@ class UpdateMachine(Machine):
 
     def __init__(self, pool):
         super().__init__(pool.settled(channels=1))
-        if self.pool.side_memory and self.pool.operand_memory is not MemoryStyle.DISTRIBUTED:
-            raise ValueError("operand_memory must be distributed if there is a side memory")
+        if self.pool.side_memory and MemoryStyle.BLOCK in (self.pool.operand_memory, self.pool.side_memory):
+            raise ValueError("operand_memory and side_memory must be auto or distributed for one channel with a side "
+                             "memory")
         self.lead = self.first_issue = self.pool.memory_delay - 1
 
     def needs_step(self, node):

@@ -12,7 +12,7 @@ from strapdown.fp import BINARY32, FloatFormat, Subnormals
 
 from .operators import Adder, Arctangent, Divider, Multiplier, Operator, Selector
 
-__all__ = ["MemoryStyle", "Pool", "Unit"]
+__all__ = ["STYLES", "MemoryStyle", "Pool", "Unit"]
 
 FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 
@@ -65,15 +65,24 @@ class Unit:
 class MemoryStyle(enum.Enum):
     """The kind of memory in the FPGA."""
 
+    AUTO = "auto"
+    """The synthesis tool chooses: the file has no attribute for the memory."""
     DISTRIBUTED = "distributed"
-    """LUTs: read without a clock edge."""
+    """LUTs, in families that have such RAM."""
     BLOCK = "block"
-    """Block RAM: an operand's address is needed one cycle earlier."""
+    """Block RAM: its contents come out one cycle after the address."""
 
+    def attributes(self, name):
+        """Attributes of a memory in the Verilog; ``name`` is ram_style or rom_style."""
+        return {} if self is MemoryStyle.AUTO else {name: self.value}
+
+
+STYLES = "auto, distributed or block"
+"""The values of a MemoryStyle in messages."""
 
 SUITED: dict[str, tuple[Any, Any]] = {
-    "forwarding": (True, False), "operand_memory": (MemoryStyle.DISTRIBUTED, MemoryStyle.BLOCK),
-    "side_memory": (False, True)}
+    "forwarding": (True, False), "operand_memory": (MemoryStyle.AUTO, MemoryStyle.BLOCK),
+    "side_memory": (False, MemoryStyle.AUTO)}
 """Fields of a Pool that may be None, to what suits an engine for one channel and an engine for several."""
 
 RESERVED = {"input", "other", "bus", "memory", "side", "main", "operands", "signs", "microcode", "main_memory",
@@ -97,14 +106,15 @@ class Pool:
     private_ports : bool
         True if every adder and every multiplier has its own pair of read ports.
     operand_memory : MemoryStyle or None
-        The kind of the operand memory. None: distributed for one channel, block for several.
+        The kind of the operand memory. None: auto for one channel, block for several. For one channel only a block
+        memory is read with a clock edge; any other is LUT RAM, or flip-flops in families without LUT RAM.
     microcode : MemoryStyle
         The kind of the ROM.
-    side_memory : bool or None
-        True for a second result bus, with a separate memory for results of adders and multipliers. None: False for one
-        channel, True for several.
+    side_memory : MemoryStyle, bool or None
+        The kind of the memory of a second result bus, for results of adders and multipliers; False for one bus. True:
+        auto. None: False for one channel, auto for several.
 
-    A memory style may also be given as its value, "distributed" or "block".
+    A memory style may also be given as its value, "auto", "distributed" or "block".
 
     Raises: TypeError and ValueError for a field of a wrong type, for parameters that an operator refuses, for an object
     that is not an operator, for two operators that offer the same operation, for operators without a selector, for two
@@ -117,7 +127,7 @@ class Pool:
     private_ports: bool = True
     operand_memory: MemoryStyle | None = None
     microcode: MemoryStyle = MemoryStyle.BLOCK
-    side_memory: bool | None = None
+    side_memory: MemoryStyle | bool | None = None
 
     def __post_init__(self):
         self._check_types()
@@ -140,18 +150,20 @@ class Pool:
             raise TypeError(f"format must be a FloatFormat, not {self.format!r}")
         if not isinstance(self.operators, tuple):
             raise TypeError(f"operators must be a tuple of operators, not {self.operators!r}")
-        given = {name: getattr(self, name) for name in ("forwarding", "private_ports", "side_memory", "operand_memory",
-                                                        "microcode")}
-        for name, value in given.items():
-            if value is None and name in SUITED:
-                continue
-            if name in ("operand_memory", "microcode"):
-                try:
-                    object.__setattr__(self, name, MemoryStyle(value))
-                except ValueError:
-                    raise ValueError(f"{name} must be distributed or block, not {value!r}") from None
-            elif not isinstance(value, bool):
+        for name in "forwarding", "private_ports":
+            value = getattr(self, name)
+            if not isinstance(value, bool) and not (value is None and name in SUITED):
                 raise TypeError(f"{name} must be True or False, not {value!r}")
+        if self.side_memory is True:
+            object.__setattr__(self, "side_memory", MemoryStyle.AUTO)
+        for name, kinds in ("operand_memory", STYLES), ("microcode", STYLES), ("side_memory", f"False, {STYLES}"):
+            value = getattr(self, name)
+            if (value is None and name in SUITED) or (value is False and name == "side_memory"):
+                continue
+            try:
+                object.__setattr__(self, name, MemoryStyle(value))
+            except ValueError:
+                raise ValueError(f"{name} must be {kinds}, not {value!r}") from None
 
     def _check_units(self):
         """Refuse units that the engines cannot tell apart, or that need a second condition a cycle."""

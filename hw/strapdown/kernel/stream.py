@@ -213,13 +213,13 @@ class StreamEngine(SystemComponent):
         memory: what is written of a stage without an update is lost, but must not touch any state."""
         program = self._program
         style = program.schedule.pool.microcode
-        in_block = style is MemoryStyle.BLOCK
-        # Block RAM is read with the counter's next value, so its output is the word of the counter.
+        registered = style is not MemoryStyle.DISTRIBUTED
+        # A ROM that is read at the edge gets the counter's next value, so its output is the word of the counter.
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
-                                              attrs={"rom_style": style.value} if in_block else {})
-        fetch = rom.read_port(domain="sync" if in_block else "comb")
+                                              attrs=style.attributes("rom_style") if registered else {})
+        fetch = rom.read_port(domain="sync" if registered else "comb")
         settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word", reset_less=True)
-        m.d.comb += [fetch.addr.eq(control.following if in_block else control.counter), settled.eq(fetch.data)]
+        m.d.comb += [fetch.addr.eq(control.following if registered else control.counter), settled.eq(fetch.data)]
         m.d.sync += word.eq(settled)
         known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))
         state = [Mux(fresh, program.upper, Cat(bank, channel)) for fresh, bank, channel in known]
@@ -257,12 +257,11 @@ class StreamEngine(SystemComponent):
 
     def _datapath(self, m, word, write_main, captured):
         """Memories, operators and buses; returns the buses by name, and the condition of a choice, if any."""
-        program = self._program
-        style = program.schedule.pool.operand_memory
-        m.submodules.main_memory = main = memory(program, program.depth, style, program.initial)
+        program, pool = self._program, self._program.schedule.pool
+        m.submodules.main_memory = main = memory(program, program.depth, pool.operand_memory, program.initial)
         memories = {"main": (main, write_main)}
         if program.side_depth:
-            m.submodules.side_memory = aside = memory(program, program.side_depth, MemoryStyle.DISTRIBUTED)
+            m.submodules.side_memory = aside = memory(program, program.side_depth, pool.side_memory)
             memories["side"] = aside, word.side.enable
 
         def fetch(fields):
