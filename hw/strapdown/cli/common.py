@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from strapdown.config import Config, ConfigError
-from strapdown.cores import CONFIGS, main_module, make_core, modules_of
+from strapdown.cores import CONFIGS, TEXT_PORTS, main_module, make_core, modules_of
 
 __all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "named_configuration",
            "own_line", "target_of", "writing"]
@@ -197,9 +197,9 @@ def _first_with(modules):
     raise UserError(f"no configuration has all of {', '.join(modules)}: name one with --config")
 
 
-def core_of(config, module=None):
-    """The core ``module``, or the main core, of a configuration. Raises: UserError."""
+def core_of(config, module=None, names=TEXT_PORTS):
+    """The core ``module``, or the main core, of a configuration, with ports of some names. Raises: UserError."""
     try:
-        return make_core(module or main_module(config), config)
+        return make_core(module or main_module(config), config, names)
     except ValueError as error:
         raise UserError(str(error)) from None

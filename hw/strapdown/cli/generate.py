@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from strapdown.cores import SINS, modules_of, uart_core
+from strapdown.cores import PORT_NAMES, SINS, TEXT_PORTS, modules_of, uart_core
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.export import write, write_core
 
@@ -31,17 +31,23 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 @config_options
 @click.option("--module", "modules", multiple=True, metavar="NAME",
               help="Module to generate; may be repeated.  [default: all of the configuration]")
-@click.option("--output", type=FOLDER, default=None, help="Folder to write to.  [default: build/verilog/CONFIG]")
-def generate(target, config_name, changes, modules, output):
+@click.option("--ports", "names", type=click.Choice(list(PORT_NAMES)), default=TEXT_PORTS.name, show_default=True,
+              help="Names of the ports. thesis-rtl: those in the RTL of the 2015 thesis, where its text has others.")
+@click.option("--output", type=FOLDER, default=None,
+              help="Folder to write to.  [default: build/verilog/CONFIG, for other ports build/verilog/CONFIG-PORTS]")
+def generate(target, config_name, changes, modules, names, output):
     """Write <Module>.v and <Module>.json for each module of a configuration.
 
     The configuration is one of 'strapdown list', or one in your own Python file. Each Verilog file is self-contained
     Verilog-2001. Two runs give equal bytes.
     """
     config, modules, options = target_of(target, config_name, changes, modules)
-    directory = output or Path("build/verilog") / config.name
+    folder, names = config.name, PORT_NAMES[names]
+    if names is not TEXT_PORTS:
+        folder, options = f"{folder}-{names.name}", (*options, "--ports", names.name)
+    directory = output or Path("build/verilog") / folder
     for name in modules or modules_of(config):
-        core = core_of(config, name)
+        core = core_of(config, name, names)
         with writing(directory):
             path = write_core(core, config, directory, command_line("generate", *options, "--module", name))
         click.echo(f"{path}  {core.latency} cycles")

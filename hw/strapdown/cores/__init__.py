@@ -5,6 +5,7 @@ from .catalogue import *
 from .core import *
 from .flight import *
 from .link import *
+from .port_names import *
 from .quaternion import *
 from .sins import *
 from .top import *

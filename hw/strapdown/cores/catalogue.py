@@ -1,6 +1,7 @@
 """The named configurations, their modules, and the core of a module."""
 
 from dataclasses import replace
+from typing import Any
 
 from strapdown.config import Config
 from strapdown.kernel.stream import StreamEngine
@@ -9,6 +10,7 @@ from strapdown.kernel.system import System
 from .attitude import MAHONY, THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8
 from .core import Core
 from .flight import FLIGHT, FLIGHT_6AXIS
+from .port_names import TEXT_PORTS, PortNames
 from .quaternion import QUATERNION_J2, QUATERNION_J3
 from .sins import SINS, SINS_DAMPED
 from .top import CORE_CONTROL, ENABLED_CORE_CONTROL, Control
@@ -48,13 +50,26 @@ def control_of(config: Config) -> Control:
     return ENABLED_CORE_CONTROL if config.clock_enable else CORE_CONTROL
 
 
-def make_core(module: str, config: Config) -> Core:
-    """A Core, scheduled and ready to be elaborated. Raises: as ``system_of``."""
-    system, control = system_of(module, config), control_of(config)
-    if config.channels == 1:
-        return Core(system, config.engine_pool, control=control)
-    return Core(system, config.engine_pool, control=control, engine=StreamEngine, channels=config.channels,
-                interval=config.interval)
+def make_core(module: str, config: Config, names: PortNames = TEXT_PORTS) -> Core:
+    """A Core, scheduled and ready to be elaborated.
+
+    Parameters
+    ----------
+    module : str
+    config : Config
+        A configuration that has this module.
+    names : PortNames
+        Names of the ports.
+
+    Raises: ValueError as ``system_of``, and for a module or a configuration without such ports.
+    """
+    original = system_of(module, config)
+    names.check(module, config)
+    system = names.system(original)
+    options: dict[str, Any] = {} if config.channels == 1 else {
+        "engine": StreamEngine, "channels": config.channels, "interval": config.interval}
+    return Core(system, config.engine_pool, control=names.control(control_of(config)), hidden=names.hidden(system),
+                constants=names.parameters(module, config), **options)
 
 
 MODULES = {name: tuple(config for config in CONFIGS.values() if name in modules_of(config))

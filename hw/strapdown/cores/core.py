@@ -20,6 +20,10 @@ class Core(Top):
         Kind of engine.
     control : Control
         Ports of clock and reset.
+    constants : tuple of Constant
+        Parameters of the Verilog module.
+    hidden : tuple of str
+        Ports of the engine that are not ports of the core.
     **parameters
         What else the engine takes.
 
@@ -27,13 +31,14 @@ class Core(Top):
     -------
     clk, rst_n : In(1)
         Clock, rising edge; reset, active low, as of ``Top``.
-    All others are the engine's.
+    All others are the engine's, without ``hidden``.
 
     Latency: ``latency`` clock cycles, the same in every update.
     """
 
-    def __init__(self, system, pool, *, engine=Engine, control=CORE_CONTROL, **parameters):
-        super().__init__(Wrapper(engine(system, pool, **parameters)), control=control)
+    def __init__(self, system, pool, *, engine=Engine, control=CORE_CONTROL, constants=(), hidden=(), **parameters):
+        super().__init__(Wrapper(engine(system, pool, **parameters), hidden=hidden), control=control,
+                         constants=constants)
 
     @property
     def engine(self):

@@ -8,7 +8,7 @@ from amaranth.lib.wiring import In
 from strapdown.component import Described
 from strapdown.kernel.description import Port
 
-__all__ = ["CLOCK", "CORE_CONTROL", "ENABLED_CORE_CONTROL", "Control", "Port", "Top", "Wrapper", "through"]
+__all__ = ["CLOCK", "CORE_CONTROL", "Constant", "ENABLED_CORE_CONTROL", "Control", "Port", "Top", "Wrapper", "through"]
 
 
 def through(outer, inner, names):
@@ -172,6 +172,31 @@ ENABLED_CORE_CONTROL = replace(
 """Clock, reset and clock enable of the cores that have one."""
 
 
+@dataclass(frozen=True)
+class Constant:
+    """A parameter of a Verilog module that has one permitted value, because the module was generated for it.
+
+    Attributes
+    ----------
+    name : str
+        Name in Verilog.
+    value, width : int
+        The permitted value, which is also the default, as an unsigned integer, and its bits.
+    meaning : str
+        Meaning and unit.
+    """
+
+    name: str
+    value: int
+    width: int
+    meaning: str
+
+    @property
+    def digits(self):
+        """The value in hexadecimal digits."""
+        return f"{self.value:0{-(-self.width // 4)}x}"
+
+
 class Top(Described):
     """A component as a top-level Verilog module: the only place that adds clock, reset and the clock domain.
 
@@ -184,6 +209,9 @@ class Top(Described):
         ``title``, ``ports``, ``latency``, ``equations``, ``sections`` and ``facts``.
     control : Control
         Ports of clock and reset.
+    constants : tuple of Constant
+        Parameters of the Verilog module, for RTL that sets them. A tool that reads another value stops, because the
+        module then instantiates one that does not exist.
 
     Members
     -------
@@ -197,8 +225,8 @@ class Top(Described):
     Raises: ValueError if a port of the component has the name of a port of ``control``.
     """
 
-    def __init__(self, component, *, control=CORE_CONTROL):
-        self._component, self._control = component, control
+    def __init__(self, component, *, control=CORE_CONTROL, constants=()):
+        self._component, self._control, self._constants = component, control, tuple(constants)
         distinct(self.ports, component.name)
         super().__init__({port.name: port.member for port in self.ports})
         # The component's signals are the ports themselves, so nothing has to be connected.
@@ -213,6 +241,11 @@ class Top(Described):
     def control(self):
         """Ports of clock and reset."""
         return self._control
+
+    @property
+    def constants(self):
+        """Parameters of the Verilog module."""
+        return self._constants
 
     @property
     def ports(self):

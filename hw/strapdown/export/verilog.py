@@ -11,6 +11,7 @@ from textwrap import dedent, wrap
 from strapdown.files import written_together
 
 from .backend import as_vectors, to_verilog
+from .constants import with_constants
 from .explain import program_listing
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
@@ -64,7 +65,9 @@ def verilog_text(top, config=None, *, command=""):
     gives equal bytes.
     """
     vectors = [port.name for port in top.ports if port.vector]
-    return _header(top, config, command) + as_vectors(to_verilog(top, top.component.name), vectors)
+    name = top.component.name
+    return _header(top, config, command) + with_constants(as_vectors(to_verilog(top, name), vectors), name,
+                                                          top.constants)
 
 
 def description(top, config, command):
@@ -77,6 +80,8 @@ def description(top, config, command):
         "latency_cycles": top.latency,
         "ports": [{"name": port.name, "direction": port.direction, "width": port.width, "meaning": port.meaning}
                   for port in top.ports],
+        **({"parameters": [{"name": constant.name, "value": constant.digits, "meaning": constant.meaning}
+                           for constant in top.constants]} if top.constants else {}),
         **component.facts,
         "versions": versions(),
         "command_line": command,
@@ -107,6 +112,9 @@ def _header(top, config, command):
         lines += ["", "CONFIGURATION", *_table(sorted(_configuration(config).items()))]
     lines += ["", "PORTS",
               *_table((port.name, f"{port.direction} {port.width}", port.meaning) for port in top.ports)]
+    if top.constants:
+        lines += ["", "PARAMETERS", *_table((constant.name, f"{constant.width}'h{constant.digits}", constant.meaning)
+                                            for constant in top.constants)]
     for section in component.sections:
         lines += ["", section.title]
         for paragraph in section.paragraphs:

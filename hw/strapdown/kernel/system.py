@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -128,6 +128,24 @@ class System:
                 raise ValueError(f"integers names {port!r}, which is not an input port")
             if bits < 2:
                 raise ValueError(f"integer port {port} must have at least 2 bits, not {bits!r}")
+
+    def renamed(self, names):
+        """The same system with other names of ports.
+
+        ``names`` maps ports to their new names; other ports keep theirs. Raises: ValueError for a port that does not
+        exist, or if two ports get the same name.
+        """
+        ports = (self.start, self.finish, *self.input_ports, *self.output_ports, self.status_port)
+        if unknown := [port for port in names if port not in ports]:
+            raise ValueError(f"{self.name} has no port {unknown[0]!r}")
+
+        def name(port):
+            return names.get(port, port)
+
+        return replace(self, start=name(self.start), finish=name(self.finish), status_port=name(self.status_port),
+                       inputs={key: shaped(tree, name) for key, tree in self.inputs.items()},
+                       outputs={key: shaped(tree, name) for key, tree in self.outputs.items()},
+                       integers={name(port): bits for port, bits in self.integers.items()})
 
     @property
     def input_ports(self):
