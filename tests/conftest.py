@@ -38,6 +38,15 @@ def shared_recordings():
 
 
 @pytest.fixture(scope="session")
+def shared_cases():
+    """Folder of small recordings with known right answers beside the project; skips the test if it is absent."""
+    folder = ROOT.parent / "shared" / "cases"
+    if not folder.is_dir():
+        pytest.skip("The recordings of special cases are not beside this checkout, so they are not tried.")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def x_imu_recording():
     """The x-IMU recording that `make demo` fetches; skips the test if it is absent."""
     path = ROOT / "build" / "recordings" / "00033_CalInertialAndMag.csv"

@@ -20,6 +20,7 @@ def test_table_of_configurations(root, make_core):
 
 @pytest.mark.parametrize(("page", "blocks"), [
     ("cores", lambda make_core: {"channels": docs.channels_block(make_core)}),
+    ("notation", lambda make_core: {"pole": docs.pole_block()}),
     ("kernels", lambda make_core: {"bounds": docs.bounds_block(make_core)}),
     ("operators", lambda make_core: {"vendor operators": docs.vendor_block()}),
     ("quaternion", docs.quaternion_blocks),

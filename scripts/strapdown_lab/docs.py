@@ -35,6 +35,7 @@ from .markdown import markdown_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 from .studies.accuracy import figure_table
+from .studies.pole import POLE_CORES, pole_errors
 
 
 def modules_block(make_core=make_core):
@@ -60,6 +61,14 @@ def configurations_block(make_core=make_core):
         rows.append([f"`{config.name}`", f"`{module}`", config.description, *cells])
     return markdown_table(["configuration", "module", "what it is", "cycles:", "LUT:", "DSP:", "BRAM:", "MHz:", "µs:"],
                           rows)
+
+
+def pole_block():
+    """Table of the errors of the Euler angles near a pitch of ±90°."""
+    return markdown_table(
+        ["distance of the pitch from ±90°:", *(f"`{name}`:" for name in POLE_CORES)],
+        [[f"{distance:.6f}".rstrip("0").rstrip(".") + "°", *(f"{error:.{6 if error < 1 else 0}f}°" for error in errors)]
+         for distance, *errors in pole_errors()])
 
 
 def channels_block(make_core=make_core):
@@ -197,6 +206,7 @@ def main():
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text(encoding="utf-8"))
     write_blocks(ROOT / "README.md", {"demo": demo_block(summary), "modules": modules_block(),
                                       "configurations": configurations_block()})
+    write_blocks(ROOT / "docs" / "notation.md", {"pole": pole_block()})
     write_blocks(ROOT / "docs" / "cores.md", {"channels": channels_block()})
     write_blocks(ROOT / "docs" / "kernels.md", {"compass": compass_block(), "bounds": bounds_block()})
     write_blocks(ROOT / "docs" / "quaternion.md", quaternion_blocks())

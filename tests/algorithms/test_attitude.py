@@ -1,9 +1,14 @@
 """The kernels in float64 against the textbook model, which was written from the source, not from the kernels."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, MAHONY, THESIS
+from strapdown.cores import ATTITUDE_CORES, FLIGHT, MAHONY, THESIS, THESIS_COMPACT
+from strapdown_sim.errors import angle_difference
+from strapdown_sim.reference.attitude import euler_angles
+from strapdown_sim.stimuli.pole import angle_error, pole_grid, update_at
 from strapdown_sim.stimuli.thesis import TABLES
 from strapdown_sim.truth import module_outputs
 
@@ -71,3 +76,77 @@ def test_gimbal_lock(c13):
     system = ATTITUDE_CORES["INS_euler"](THESIS)
     result = system.update_float64(system.bind(c=(0.0, 0.0, c13, 0.0, 0.0)))
     assert result["out_pitch"] == pytest.approx(np.copysign(90.0, -c13))
+
+
+GRID = {"INS_top": THESIS, "INS_flight": FLIGHT.replace(frame="NED")}
+
+
+def in_float64(name, config, q):
+    """Angles and matrix of INS_top or INS_flight at the attitudes q."""
+    system = config.systems()[name](config)
+    return update_at(q, system, system.update_float64)
+
+
+def in_twin(name, config, q):
+    """The same in the bits of the circuit."""
+    system = config.systems()[name](config)
+    return update_at(q, system, partial(system.update_twin, config.pool))
+
+
+@pytest.mark.parametrize("name", GRID)
+def test_angles_give_the_matrix_back_at_any_pitch(name):
+    _, q = pole_grid(step_deg=30)
+    angles, c = in_float64(name, GRID[name], q)
+    assert angle_error(angles, c).max() < 2.0**-15  # a yaw less than this below zero becomes zero
+    angles, c = angles[angles[:, 2] > 0], c[angles[:, 2] > 0]
+    assert angle_error(angles, c).max() < 1e-12
+    # The reference has other equations. Roll and yaw have errors of some 2**-52 rad/cos(pitch), but their sum at a
+    # pitch of -90° and their difference at 90° have not.
+    pitch, roll, yaw = euler_angles(c)
+    sign, cosine = np.sign(pitch), np.hypot(c[:, 1, 2], c[:, 2, 2])
+    assert np.abs(angles[:, 0] - pitch).max() < 1e-12
+    assert np.abs(angle_difference(angles[:, 1] - sign * angles[:, 2], roll - sign * yaw)).max() < 1e-11
+    for own, other in (angles[:, 1], roll), (angles[:, 2], yaw):
+        assert (np.abs(angle_difference(own, other)) * cosine)[cosine > 1e-12].max() < 1e-11
+
+
+@pytest.mark.parametrize(("name", "config"), [*GRID.items(), ("INS_top", THESIS_COMPACT)],
+                         ids=lambda value: getattr(value, "name", value))
+def test_the_twins_angles_give_the_matrix_back_at_any_pitch(name, config):
+    given, q = pole_grid(step_deg=30)
+    angles, c = in_twin(name, config, q)
+    # An ulp of yaw is 2**-15 degrees, and a yaw less than this below zero becomes zero.
+    assert angle_error(angles, c).max() < 1e-4
+    assert ((angles[:, 2] >= 0) & (angles[:, 2] < 360)).all()
+    at_pole = (c[:, 1:, 2] == 0).all(axis=-1)
+    assert at_pole.sum() > 200
+    assert (angles[at_pole, 1] == 0).all()
+    turned = np.where(given[:, 0] > 0, -1, 1) * given[:, 1] + given[:, 2]
+    assert np.abs(angle_difference(angles[at_pole, 2], turned[at_pole])).max() < 1e-4
+
+
+@pytest.mark.parametrize("run", [in_float64, in_twin])
+@pytest.mark.parametrize("tiny", [0.0, -0.0, 1e-8, 1e-12, 1e-17, -1e-20, 1e-28, -1e-33, 1e-37, 1e-44])
+@pytest.mark.parametrize("down", [1.0, -1.0])
+def test_tiny_elements_at_the_pole_do_not_change_the_yaw_alone(run, tiny, down):
+    """c23 goes through all magnitudes while c33 is zero: roll and yaw always give the matrix."""
+    half = np.float32(np.sqrt(0.5))
+    q = np.array([(half, tiny, down * half, other) for other in (0.0, -0.0, tiny, -tiny)], np.float32).astype(float)
+    for name, config in GRID.items():
+        angles, c = run(name, config, q)
+        assert angle_error(angles, c).max() < 1e-4
+        assert angles[:, 0] == pytest.approx(down * 90, abs=1e-4)
+        if abs(tiny) < 1e-16:
+            assert (angles[:, 1] == 0).all()
+
+
+def test_ins_euler_has_the_error_that_its_header_states():
+    """Its yaw is lost at the pole: five elements of C do not contain it."""
+    _, q = pole_grid(step_deg=30)
+    c = module_outputs("INS_matx", {"q": q}, THESIS)["c"].astype(np.float32).astype(float)
+    system = ATTITUDE_CORES["INS_euler"](THESIS)
+    angles = system.read(system.update_twin(THESIS.pool, system.bind(c=of_a_matrix(c))))["angles"].astype(float)
+    cosine = np.hypot(c[:, 1, 2], c[:, 2, 2])
+    error = angle_error(angles, c)
+    assert (error * cosine < 1e-5 + 1e-4 * cosine).all()
+    assert error.max() > 90

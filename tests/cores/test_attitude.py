@@ -6,6 +6,7 @@ import pytest
 from strapdown.cores import ATTITUDE_CORES, THESIS, THESIS_COMPACT, THESIS_FAST
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
+from strapdown_sim.stimuli.pole import angle_error, inputs_through, pole_grid
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
 from strapdown_sim.truth import complementary_filter, module_outputs
 
@@ -122,6 +123,19 @@ def test_circuit_is_the_twin_when_samples_are_refused_or_strange(circuit):
     assert 0 < refused.sum() < UPDATES
     assert all(np.isfinite(result[port]).all() for port in model.core.system.output_ports)
     assert all(np.isfinite(result[word]).all() for word in model.core.system.reset)
+
+
+@pytest.mark.verilator
+def test_angles_give_the_matrix_back_near_the_pole(circuit):
+    model = circuit("INS_top")
+    system = model.core.system
+    _, attitudes = pole_grid(step_deg=120, distances_deg=(1, 1e-3, 1e-6, 0))
+    inputs = inputs_through(attitudes, system, THESIS)
+    result = model.update(inputs)
+    assert model.differing_bits(inputs, result) == 0
+    outputs = system.read(result)
+    assert angle_error(outputs["angles"], outputs["c"]).max() < 1e-4
+    assert (np.abs(outputs["angles"][:, 0]) > 90 - 2e-5).sum() >= 36
 
 
 def test_differing_bits_are_counted(circuit):

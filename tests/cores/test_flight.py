@@ -9,9 +9,20 @@ from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.recordings import read_recording
 from strapdown_sim.replay import replay
+from strapdown_sim.stimuli.pole import angle_error, inputs_through, pole_grid
 
 SEED = 42
 UPDATES = 5000
+
+
+SEVERAL_INPUTS = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
+
+
+@pytest.fixture(scope="module")
+def circuit(make_core, models, tmp_path_factory):
+    """CoreModel of the configuration SEVERAL_INPUTS."""
+    core = make_core("INS_flight", SEVERAL_INPUTS)
+    return CoreModel(core, write_core(core, SEVERAL_INPUTS, tmp_path_factory.mktemp("verilog"), ""), models)
 
 
 def names(pattern, parts):
@@ -85,17 +96,36 @@ def strange_inputs(system, count):
 
 
 @pytest.mark.verilator
-def test_circuit_is_the_twin_in_every_bit(make_core, models, tmp_path):
-    config = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
-    core = make_core("INS_flight", config)
-    model = CoreModel(core, write_core(core, config, tmp_path, ""), models)
+def test_circuit_is_the_twin_in_every_bit(circuit):
+    core = circuit.core
     inputs = strange_inputs(core.system, UPDATES)
-    result = model.update(inputs)
+    result = circuit.update(inputs)
     assert set(result["cycles"]) == {core.latency}
-    assert model.differing_bits(inputs, result) == 0
+    assert circuit.differing_bits(inputs, result) == 0
     for bit, name in enumerate(core.engine.status_names[:-1]):
         assert 0 < (result["out_status"] >> bit & 1).sum() < UPDATES, name
     assert all(np.isfinite(result[name]).all() for name in (*core.system.output_ports, *core.system.reset))
+
+
+@pytest.mark.verilator
+def test_angles_give_the_matrix_back_near_the_pole(circuit):
+    _, attitudes = pole_grid(step_deg=120, distances_deg=(1, 1e-3, 1e-6, 0))
+    inputs = inputs_through(attitudes, circuit.core.system, SEVERAL_INPUTS)
+    result = circuit.update(inputs)
+    assert circuit.differing_bits(inputs, result) == 0
+    outputs = circuit.core.system.read(result)
+    assert angle_error(outputs["angles"], outputs["c"]).max() < 1e-4
+    assert (np.abs(outputs["angles"][:, 0]) > 90 - 2e-5).sum() >= 36
+
+
+def test_nose_down_with_a_heading_of_60_degrees(shared_cases):
+    """A body at rest with a pitch of 90° is aligned in the first samples, with roll 0 and yaw 60."""
+    data = read_recording(shared_cases / "pitch90_yaw60.csv")
+    config = FLIGHT.replace(sample_rate_hz=data.sample_rate_hz)
+    system = config.systems()["INS_flight"](config)
+    inputs = system.bind(a=data.accel, m=data.mag, g=data.gyro_deg_s)
+    angles = system.read(system.run(config.pool, inputs)[0])["angles"]
+    np.testing.assert_allclose(angles[5:], np.tile((90.0, 0.0, 60.0), (len(angles) - 5, 1)), rtol=0, atol=1e-4)
 
 
 @pytest.mark.verilator

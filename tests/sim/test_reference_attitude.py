@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from strapdown_sim.errors import angle_difference
 from strapdown_sim.reference.attitude import (
     ComplementaryFilter,
     acc_error,
@@ -10,9 +11,11 @@ from strapdown_sim.reference.attitude import (
     axis_matrix,
     euler_angles,
     mag_error,
+    matrix_from_euler_angles,
     matrix_from_quaternion,
 )
 from strapdown_sim.reference.modules import reference_outputs
+from strapdown_sim.stimuli.pole import DISTANCES_DEG, angle_error, pole_grid
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLES
 
 THESIS = {"kp": 10, "ki": 0.5, "period_s": 0.002, "mag_axes": ("+y", "-x", "+z")}
@@ -65,6 +68,24 @@ def test_signs_of_the_angles(axis, name, body, points):
     direction = c.T @ np.eye(3)[body]
     component, sign = points
     assert sign * direction[component] == pytest.approx(0.5)
+
+
+def test_angles_give_the_matrix_back_at_any_pitch():
+    angles, q = pole_grid(step_deg=30, distances_deg=(*range(5, 90, 5), *DISTANCES_DEG))
+    c = matrix_from_euler_angles(*angles.T)
+    assert matrix_from_quaternion(q) == pytest.approx(c, abs=1e-15)
+    found = np.stack(euler_angles(c), axis=-1)
+    assert angle_error(found, c).max() < 1e-12
+    cosine = np.cos(np.radians(angles[:, :1]))
+    assert (np.abs(angle_difference(found, angles)) * cosine).max() < 1e-11
+
+
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_at_the_pole_the_roll_is_zero(sign, zero):
+    yaw = np.radians(60)
+    c = [[zero, zero, -sign], [-np.sin(yaw), np.cos(yaw), zero], [sign * np.cos(yaw), sign * np.sin(yaw), zero]]
+    assert euler_angles(c) == pytest.approx((sign * 90, 0, 60), abs=1e-12)
 
 
 def test_a_body_at_rest_that_points_right_has_no_error():

@@ -8,10 +8,11 @@ components. ``a`` and ``m`` may have any unit, ``g`` is in deg/s, angles come ou
 import math
 from typing import NamedTuple
 
-from .vector import add, column, cross, dot, length_squared, permute, scale, transposed_vector
+from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, permute, scale, transposed_vector
 
 __all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains",
-           "quaternion_update", "matrix_from_quaternion", "scaled_matrix", "euler_angles", "attitude_update"]
+           "quaternion_update", "matrix_from_quaternion", "scaled_matrix", "euler_angles", "matrix_angles",
+           "attitude_update"]
 
 DEGREES = 180 / math.pi
 
@@ -111,12 +112,31 @@ def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
     pitch = atan2(-c13, cosine) with cosine = sqrt(1 - c13²) = sqrt(c23² + c33²), roll =
     atan2(c23, c33), yaw = atan2(c12, c11) in [0, 360). All arguments may contain a common positive
     factor. A yaw less than 2**-15 degrees below zero becomes zero, because yaw + 360 would round to 360.
+
+    Near a pitch of ±90° c11 and c12 are small differences, and the yaw is lost; ``matrix_angles`` keeps it.
     """
     pitch = DEGREES * xp.atan2(-c13, cosine)
     yaw = DEGREES * xp.atan2(c12, c11)
     roll = DEGREES * xp.atan2(c23, c33)
     yaw = xp.select(yaw + 2.0**-15 < 0.0, yaw + 360, xp.maximum(yaw, 0.0))
     return pitch, roll, yaw
+
+
+def matrix_angles(xp, c):
+    """Pitch, roll and yaw (Z-Y-X) in degrees from C_n^b: they give C back at any pitch.
+
+    Near a pitch of ±90° roll and yaw are rotations about almost the same axis, and rounding decides how they share
+    it. The yaw is therefore that of C without the roll that is given out: cos(yaw) and sin(yaw) are proportional to
+    c33·c22 − c23·c32 and c23·c31 − c33·c21. Where c23 and c33 are zero, (0, 1) replaces them, and the roll is zero.
+    All elements may contain a common positive factor of 1 or more.
+    """
+    (_, _, c13), (c21, c22, c23), (c31, c32, c33) = c
+    square = dot((c23, c33), (c23, c33))
+    pole = square < SHORTEST_SQUARE
+    north = xp.select(pole, c22, c33 * c22 - c23 * c32)
+    west = xp.select(pole, -c21, c23 * c31 - c33 * c21)
+    pitch, roll, yaw = euler_angles(xp, north, west, c13, xp.sqrt(square), c23, c33)
+    return pitch, xp.select(pole, 0.0, roll), yaw
 
 
 def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
@@ -140,8 +160,7 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
         q = scale(xp.sqrt(reciprocal), q)
         c = tuple(scale(reciprocal, row) for row in s)
     with xp.section("EULER"):
-        vertical = (s[1][2], s[2][2])
-        angles = euler_angles(xp, s[0][0], s[0][1], s[0][2], xp.sqrt(dot(vertical, vertical)), *vertical)
+        angles = matrix_angles(xp, s)
     return Update(
         outputs={"c": c, "angles": angles},
         state={"q": q, "c": c, "i": i},

@@ -15,7 +15,7 @@ update, so the angles of this update do not wait for it.
 import math
 from typing import Any, NamedTuple
 
-from .attitude import Update, euler_angles
+from .attitude import Update, matrix_angles
 from .vector import SHORTEST_SQUARE, add, dot, permute, scale, transposed_vector
 
 __all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "Sensors", "Settings", "State",
@@ -445,8 +445,7 @@ def flight_update(xp, sensors, state, settings):
         passed = xp.select(state.clock < 0.0, xp.select(up.unusable, 0.0, 1.0), settings.period)
         clock = state.clock + passed
     with xp.section("EULER"):
-        cosine = xp.sqrt(dot((c[1][2], c[2][2]), (c[1][2], c[2][2])))
-        angles = euler_angles(xp, c[0][0], c[0][1], c[0][2], cosine, c[1][2], c[2][2])
+        angles = matrix_angles(xp, c)
         linear = subtract(a, scale(up.gravity, tuple(frame.upward(row) for row in c)))
     return Update(
         outputs={"c": c, "angles": angles, "q": q, "bias": gyro.bias, "earth": up.earth, "linear": linear},

@@ -49,8 +49,11 @@ MEANINGS = {
 }
 """Meaning, unit and frame of the ports, by the kernels' names."""
 
+LIMIT = {"angles": "degrees; yaw in [0, 360), its error about 1e-5 degrees/cos(pitch): lost at a pitch of 90 degrees"}
+"""Meaning of the angles of INS_euler. It does not get the elements of C that keep the yaw near a pitch of ±90°."""
+
 KERNELS = (attitude.accelerometer_error, attitude.magnetometer_error, attitude.rate_correction,
-           attitude.quaternion_update, attitude.matrix_from_quaternion, attitude.euler_angles)
+           attitude.quaternion_update, attitude.matrix_from_quaternion, attitude.euler_angles, attitude.matrix_angles)
 
 
 def ins_acc(config):
@@ -133,7 +136,7 @@ def ins_euler(config):
 
     return System(
         "INS_euler", "pitch, roll and yaw from the matrix", equations,
-        kernels=(attitude.euler_angles,), meanings=MEANINGS,
+        kernels=(attitude.euler_angles,), meanings=MEANINGS | LIMIT,
         sections=("EULER",), start="in_euler_en", finish="out_euler_finish",
         inputs={"c": vector("in_c{}", ("11", "12", "13", "23", "33"))},
         outputs={"angles": vector("out_{}", ("pitch", "roll", "yaw"))})

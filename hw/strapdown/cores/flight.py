@@ -80,7 +80,7 @@ STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest"
 
 KERNELS = (flight.flight_update, flight.turned, flight.matrix_of_turn, flight.vertical, flight.low_pass,
            flight.tilt_correction, flight.gyro_average, flight.bias_update, flight.heading, flight.field_correction,
-           attitude.euler_angles)
+           attitude.euler_angles, attitude.matrix_angles)
 
 
 def _meanings(config):

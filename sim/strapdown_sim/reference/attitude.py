@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 __all__ = [
-    "Attitude", "ComplementaryFilter", "acc_error", "alignment", "axis_matrix", "euler_angles",
-    "gyro_correction", "mag_error", "matrix_from_quaternion", "quaternion_step",
+    "Attitude", "ComplementaryFilter", "acc_error", "alignment", "axis_matrix", "euler_angles", "full_turn",
+    "gyro_correction", "mag_error", "matrix_from_euler_angles", "matrix_from_quaternion", "quaternion_step",
 ]
 
 # Row k is the matrix of the cross product with axis k, row by row: u @ _SKEW is the matrix for u.
@@ -188,18 +188,54 @@ def euler_angles(c_n2b):
         Degrees; pitch in [-90, 90], roll in [-180, 180], yaw in [0, 360). Pitch and yaw are
         right-handed turns about west and up: nose down and nose to the west are positive.
 
+    Notes
+    -----
+    At a pitch of +90 degrees only roll - yaw is defined, at -90 degrees only roll + yaw; c23 and c33 are zero
+    there, and the roll is zero. With s = sin(pitch),
+
+        c21 - c32 = (1 + s) sin(roll - yaw),    c22 + c31 = (1 + s) cos(roll - yaw),
+        -c21 - c32 = (1 - s) sin(roll + yaw),   c22 - c31 = (1 - s) cos(roll + yaw).
+
+    The pair with the larger factor gives the yaw that belongs to the roll, at any pitch.
+
     References
     ----------
-    Thesis, section 5.2.6 and table 5-6, whose figures are those of the four-quadrant arctangent.
+    E. Bernardes and S. Viollet, "Quaternion to Euler angles conversion", PLoS ONE 17(11), 2022, which
+    uses the same sum and difference.
     """
     c_n2b = np.asarray(c_n2b, dtype=float)
-    c11, c12, c13 = np.moveaxis(c_n2b[..., 0, :], -1, 0)
-    c23, c33 = c_n2b[..., 1, 2], c_n2b[..., 2, 2]
-    pitch = np.degrees(np.arctan2(-c13, np.sqrt(np.maximum(1 - c13 * c13, 0))))
-    roll = np.degrees(np.arctan2(c23, c33))
+    down = -c_n2b[..., 0, 2]
+    (c21, c22, c23), (c31, c32, c33) = (np.moveaxis(c_n2b[..., row, :], -1, 0) for row in (1, 2))
+    pitch = np.arctan2(down, np.hypot(c23, c33))
+    roll = np.arctan2(c23 + 0.0, c33 + 0.0)  # the sum makes +0 from -0
+    yaw = np.where(down > 0, roll - np.arctan2(c21 - c32, c22 + c31), np.arctan2(-c21 - c32, c22 - c31) - roll)
+    return np.degrees(pitch), np.degrees(roll), full_turn(np.degrees(yaw))
+
+
+def full_turn(degrees):
+    """An angle in [0, 360), degrees, shape (...)."""
     # The remainder of a tiny negative angle rounds to 360; a second remainder makes it zero.
-    yaw = np.mod(np.mod(np.degrees(np.arctan2(c12, c11)), 360), 360)
-    return pitch, roll, yaw
+    return np.mod(np.mod(degrees, 360), 360)
+
+
+def matrix_from_euler_angles(pitch, roll, yaw):
+    """Direction cosine matrix of three successive rotations about one axis each: the inverse of `euler_angles`.
+
+    Parameters
+    ----------
+    pitch, roll, yaw : array_like, shape (...)
+        Degrees.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Direction cosine matrix, navigation to body.
+    """
+    def about(axis, degrees):
+        half = np.radians(np.asarray(degrees, dtype=float))[..., None] / 2
+        return matrix_from_quaternion(np.concatenate([np.cos(half), np.sin(half) * np.eye(3)[axis]], axis=-1))
+
+    return about(0, roll) @ about(1, pitch) @ about(2, yaw)
 
 
 def alignment(a_b, m_b):

@@ -49,9 +49,11 @@ def reference_outputs(module, inputs, *, kp, ki, period_s, mag_axes):
         return {"c": attitude.matrix_from_quaternion(q)}
 
     def euler(c):
-        c_n2b = np.zeros((*c.shape[:-1], 3, 3))
-        c_n2b[..., (0, 0, 0, 1, 2), (0, 1, 2, 2, 2)] = c
-        return {"angles": np.stack(attitude.euler_angles(c_n2b), axis=-1)}
+        # Section 5.2.6 and table 5-6, whose figures are those of the four-quadrant arctangent.
+        c11, c12, c13, c23, c33 = np.moveaxis(c, -1, 0)
+        pitch, roll, yaw = (np.degrees(np.arctan2(y, x)) for y, x in (
+            (-c13, np.sqrt(np.maximum(1 - c13 * c13, 0))), (c23, c33), (c12, c11)))
+        return {"angles": np.stack([pitch, roll, attitude.full_turn(yaw)], axis=-1)}
 
     def atan(cosine, sine):
         return {"angle": np.arctan2(sine, cosine)}
