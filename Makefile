@@ -52,13 +52,13 @@ report: $(VENV)/ready-report ## Synthesise, place and route operators and cores;
 compare: $(VENV)/ready-report ## Compare the cores with those of the commit BASE: cycles, resources, clock frequency.
 	$(BIN)/strapdown compare $(BASE) --output build/compare
 
-formal: $(VENV)/ready-formal ## Prove properties of the operators; ONLY=REGEX selects some. See docs/proof.md.
+formal: $(VENV)/ready-formal ## Prove properties of operators and engines; ONLY=REGEX selects some. See docs/proof.md.
 	$(BIN)/python -m strapdown_lab.proof formal --only '$(ONLY)'
 
 exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sqrt, PART=1/256 select some.
 	$(BIN)/python -m strapdown_lab.proof exhaustive $(addprefix --only ,$(ONLY)) --fraction $(PART)
 
-mutants: setup ## Put single faults into the operators; their tests must detect them. ONLY=REGEX selects files.
+mutants: $(VENV)/ready-formal ## Put single faults into operators and engines; tests must detect them. ONLY=REGEX selects files.
 	$(BIN)/python -m strapdown_lab.proof mutants --only '$(ONLY)'
 
 accuracy: $(VENV)/ready-accuracy ## Compare attitude filters on real recordings with published ones, for `make docs`; RECORDINGS=folder.

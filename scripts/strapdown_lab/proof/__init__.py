@@ -1,1 +1,1 @@
-"""Proofs and exhaustive checks of the operators, and faults that their tests must detect: docs/proof.md."""
+"""Proofs and exhaustive checks of operators and engines, and faults that their tests must detect: docs/proof.md."""

@@ -22,18 +22,18 @@ console = Console(width=160)
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def main():
-    """Proofs of the operators, exhaustive runs, and faults that tests must detect: docs/proof.md."""
+    """Proofs of operators and engines, exhaustive runs, and faults that tests must detect: docs/proof.md."""
 
 
 @main.command("formal")
-@click.option("--only", default="", metavar="REGEX", help="Only properties whose operator or claim matches.")
+@click.option("--only", default="", metavar="REGEX", help="Only properties whose circuit or claim matches.")
 @JOBS
 def formal_command(only, jobs):
-    """Prove the properties of all operators. The table is also written to build/formal/outcomes.json."""
+    """Prove the properties of all operators and engines. The table is also written to build/formal/outcomes.json."""
     props = formal.chosen(only)
     if not props:
         raise click.BadParameter(f"no property matches {only!r}", param_hint="--only")
-    table = Table("operator", "property", "engine", "edges", "result", "s")
+    table = Table("circuit", "property", "engine", "edges", "result", "s")
 
     def report(prop, outcome):
         console.print(f"{outcome.word:7} {prop.subject}: {prop.claim}", highlight=False)
@@ -87,7 +87,7 @@ def exhaustive_command(only, part, jobs):
               help="Run the tests without a fault first; not needed after `make test` has passed.")
 @JOBS
 def mutants_command(only, baseline, jobs):
-    """Put single faults into copies of the package; the operators' tests must detect each of them."""
+    """Put single faults into copies of the package; tests must detect each of them."""
     for mutant, count in mutation.misplaced(ROOT / "hw" / "strapdown"):
         raise click.ClickException(f"{mutant.file} contains this {count} times, not once: {mutant.fragment}")
     mutants = [mutant for mutant in MUTANTS if re.search(only, mutant.file)]

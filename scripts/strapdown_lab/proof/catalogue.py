@@ -1,8 +1,9 @@
-"""All properties of all operators that are proved."""
+"""All properties of all operators and engines that are proved."""
 
 from collections.abc import Iterator
 from functools import partial
 
+from strapdown.cores.catalogue import CONFIGS, main_module, make_core, modules_of
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.fp import FloatFormat, FpToFixed, Rounding
 from strapdown_lab.operators import OPERATORS, Claim
@@ -19,6 +20,7 @@ from .handshake import (
     VendorHold,
     VendorOrder,
 )
+from .sequencer import ChannelRecovery, ChannelTiming, UpdateRecovery, UpdateTiming
 from .solver import Property
 
 __all__ = ["properties"]
@@ -27,6 +29,13 @@ __all__ = ["properties"]
 SOLVERS = {"div": "boolector"}
 
 CIRCUITS = {Claim.ROUNDED: FloatResult, Claim.RELATION: Relation, Claim.EXTREME: Extreme}
+
+
+SEQUENCERS: dict[str, dict[str, type]] = {
+    "Engine": {"whatever its registers held, it is idle within twice the latency": UpdateRecovery,
+               "an update takes the latency, and an END in another cycle is refused": UpdateTiming},
+    "StreamEngine": {"whatever its registers held, a channel is free within latency and interval": ChannelRecovery,
+                     "a sample finishes with its channel after the latency, and no other does": ChannelTiming}}
 
 
 def describe(make, *parameters, **options):
@@ -81,6 +90,14 @@ def result(claim, make, parameters, options):
     return Property(describe(make, *parameters, **options), claim.value, partial(circuit, small), small.latency)
 
 
+def sequencer(module, config):
+    """Properties of the sequencer of a core."""
+    kind = "Engine" if config.channels == 1 else "StreamEngine"
+    for claim, circuit in SEQUENCERS[kind].items():
+        yield Property(f"{kind}, {config.name} {module}", claim,
+                       partial(circuit, lambda: make_core(module, config).engine), 1, ("engine",))
+
+
 def properties() -> Iterator[Property]:
     """Every ``Property``, in the order of the document."""
     for entry in OPERATORS:
@@ -93,3 +110,10 @@ def properties() -> Iterator[Property]:
         if entry.proved:
             for parameters, options in entry.rounded(entry.proved):
                 yield result(entry.claim, entry.component, parameters, options)
+    for config in CONFIGS.values():
+        for module in modules_of(config):
+            yield from sequencer(module, config)
+    for config in CONFIGS.values():
+        if config.channels == 1:
+            several = config.replace(channels=8)
+            yield from sequencer(main_module(several), several)

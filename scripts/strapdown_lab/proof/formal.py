@@ -29,25 +29,25 @@ def run(props, build, *, jobs=2, report=lambda prop, outcome: None):
     with ThreadPoolExecutor(jobs) as pool:
         outcomes = list(pool.map(one, enumerate(props)))
     (build / "outcomes.json").write_text(json.dumps([
-        {"folder": f"{number:03}", "operator": prop.subject, "property": prop.claim, "engine": prop.engine,
+        {"folder": f"{number:03}", "circuit": prop.subject, "property": prop.claim, "engine": prop.engine,
          "depth": prop.depth, "result": outcome.word, "seconds": round(outcome.seconds, 1)}
         for number, (prop, outcome) in enumerate(zip(props, outcomes, strict=True))], indent=2) + "\n")
     return outcomes
 
 
 def summary():
-    """The catalogue as a Markdown table: property, operators, number of variants, depths."""
+    """The catalogue as a Markdown table: property, circuit, number of variants, depths."""
     counts: Counter[tuple[str, str]] = Counter()
     depths: dict[tuple[str, str], set[int]] = {}
     for prop in properties():
         # One row for the idle cycles, and no parameters.
-        operator = "the ten vendor operators" if prop.subject.startswith("vendor ") else prop.subject.split(",")[0]
-        key = re.sub(r", \d idle cycles between,", "", prop.claim), operator
+        circuit = "the ten vendor operators" if prop.subject.startswith("vendor ") else prop.subject.split(",")[0]
+        key = re.sub(r", \d idle cycles between,", "", prop.claim), circuit
         counts[key] += 1
         depths.setdefault(key, set()).add(prop.depth)
     rows = []
-    for (claim, operator), count in counts.items():
-        least, most = min(depths[claim, operator]), max(depths[claim, operator])
-        rows.append([claim, operator, count, least if least == most else f"{least} to {most}"])
-    return markdown_table(["property", "operator", "variants:", "clock edges:"],
+    for (claim, circuit), count in counts.items():
+        least, most = min(depths[claim, circuit]), max(depths[claim, circuit])
+        rows.append([claim, circuit, count, least if least == most else f"{least} to {most}"])
+    return markdown_table(["property", "circuit", "variants:", "clock edges:"],
                           [*rows, ["all", "", counts.total(), ""]])

@@ -1,4 +1,4 @@
-"""Single faults that the operators' tests must detect: the place, the fragment, and the effect."""
+"""Single faults in operators and engines that tests must detect: the place, the fragment, and the effect."""
 
 from dataclasses import dataclass
 
@@ -142,5 +142,21 @@ MUTANTS = (
          ("is_zero=~x[-2:].any()", "is_zero=~x[-1]", "vectors of length 1 count as zero"),
          ("(Cat(x, C(0, 1)) ^ negative)", "Cat(x, C(0, 1))", "every step turns the same way"),
          tests="cores/test_operators.py", select="one_operation_a_cycle and default"),
+    *_of("kernel/engine.py",
+         ("Mux(running, counter + 1, taken)", "Mux(running, counter + 1, Mux(taken, 1, counter))",
+          "the counter is not set while the engine is idle"),
+         ("Mux(running, left - 1, program.length - 1)", "left - 1", "the remaining cycles are not set"),
+         ("complete.eq(running & last & due)", "complete.eq(running & due)", "an END in another cycle is not refused"),
+         ("Mux(due, END, state + word.advance)", "state + word.advance", "an update may never end"),
+         ("taken.eq(idle & primed & start)", "taken.eq(start)", "a start disturbs an update"),
+         tests="lab/proof/test_formal.py", select="QUAT_direct"),
+    *_of("kernel/stream.py",
+         ("check.eq(Mux(beginning, 0, check + 1))", "check.eq(slot)", "the counters are not compared"),
+         ("beginning.eq(following == 0)", "beginning.eq(counter == length - 1)", "an interval may never begin"),
+         ("m.d.sync += stages.valid[-1].eq(0)", "pass", "an update finishes twice"),
+         ("taken.eq(start & self.in_ready)", "taken.eq(start & beginning)", "two updates of a channel are in flight"),
+         ("Mux(counter == length - 1, 0, counter + goes)", "Mux(counter == length - 1, 0, counter + 1)",
+          "an engine without updates does not wait for a sample"),
+         tests="lab/proof/test_formal.py", select="QUAT_direct"),
 )
-"""Every fault, by operator."""
+"""Every fault, by source file."""

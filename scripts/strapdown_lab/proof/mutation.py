@@ -1,4 +1,4 @@
-"""Puts single faults into copies of the package and runs the operators' tests on them."""
+"""Puts single faults into copies of the package and runs their tests on them."""
 
 import os
 import shutil

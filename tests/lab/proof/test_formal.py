@@ -3,14 +3,21 @@
 from functools import partial
 
 import pytest
+from amaranth import *
+from amaranth.asserts import AnySeq
+from amaranth.hdl import Assert, Cover
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
 
 from strapdown.cordic.component import CordicComponent
 from strapdown.cordic.sincos import CordicSinCos
-from strapdown.cores import operators, top
+from strapdown.cores import THESIS, operators, system_of, top
 from strapdown.fp import FloatFormat, FpMinMax, FpSquareRoot, FpToFp, Rounding
+from strapdown.kernel.engine import Engine
 from strapdown_lab.proof import formal
 from strapdown_lab.proof.arithmetic import FloatResult
 from strapdown_lab.proof.handshake import IterativeHandshake, IterativeRecovery, PipelineAlignment, VendorHold
+from strapdown_lab.proof.sequencer import UpdateTiming
 from strapdown_lab.proof.solver import Property, prove, solver_missing
 
 SMALL = FloatFormat(3, 2)
@@ -22,6 +29,8 @@ pytestmark = [pytest.mark.formal, pytest.mark.skipif(bool(solver_missing()), rea
     r"^FpMinMax, \(4, 3\) flush: ",
     r"^FpSquareRoot, \(2, 1\) gradual, bits_per_cycle 2, iterative",
     r"^vendor less: ",
+    r"^Engine, quaternion_j2 QUAT_direct: ",
+    r"^StreamEngine, quaternion_j2 QUAT_direct_x8: ",
 ])
 def test_properties_hold(pattern, tmp_path):
     props = formal.chosen(pattern)
@@ -68,6 +77,54 @@ def test_state_without_a_way_back_is_found(tmp_path, monkeypatch):
     monkeypatch.setattr(CordicComponent, "_lead_back", lambda self, m, fsm: None)
     circuit = partial(IterativeRecovery, partial(CordicSinCos, FloatFormat(5, 1), steps_per_cycle=8), edges=20)
     assert_refuted(Property("dead end", "", circuit, 30, ("op",)), tmp_path)
+
+
+class PatientEngine(Engine):
+    """An engine that reports a latency of one cycle too many."""
+
+    @property
+    def latency(self):
+        return super().latency + 1
+
+
+def test_latency_that_is_not_that_of_an_update_is_found(tmp_path):
+    engine = partial(PatientEngine, system_of("INS_matx", THESIS), THESIS.engine_pool)
+    assert_refuted(Property("patient", "", partial(UpdateTiming, engine), 1, ("engine",)), tmp_path)
+
+
+class Quiet(wiring.Component):
+    """Outputs that are never high, as long as the registers behind them start as after a reset."""
+
+    start: In(1)
+    stays: Out(1)
+    differs: Out(1)
+
+    def elaborate(self, platform):
+        m, one, other = Module(), Signal(), Signal()
+        m.d.sync += [self.stays.eq(self.stays & self.start), one.eq(self.start), other.eq(self.start)]
+        m.d.comb += self.differs.eq(one ^ other)
+        return m
+
+
+class NeverHigh(Elaboratable):
+    """States that an output is never high, and that the start may be."""
+
+    def __init__(self, output):
+        self.output = output
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.op = quiet = Quiet()
+        m.d.comb += [quiet.start.eq(AnySeq(1)), Assert(~getattr(quiet, self.output)), Cover(quiet.start)]
+        return m
+
+
+@pytest.mark.parametrize("output", ["stays", "differs"])
+def test_registers_start_with_any_contents_where_a_property_says_so(tmp_path, output):
+    """No step of the translation may choose their contents."""
+    circuit = partial(NeverHigh, output)
+    assert prove(Property("quiet", "", circuit, 2), tmp_path).passed
+    assert_refuted(Property("quiet", "", circuit, 2, ("op",)), tmp_path)
 
 
 def test_wrong_rounding_is_found(tmp_path, monkeypatch):

@@ -1,0 +1,233 @@
+"""Sequencers of the engines: from any contents of its registers an engine is soon free, and its updates keep time.
+
+A property speaks of two states that are one clock edge apart. The first one is arbitrary, so induction extends it to
+all edges, and nothing is unrolled over a latency. A property counts the edges that remain until an event, as a function
+of the registers. If this number falls at every edge, the event comes in time.
+"""
+
+from collections import Counter
+from functools import reduce
+from itertools import combinations
+from operator import add, and_, or_
+
+from amaranth import *
+from amaranth.asserts import AnyConst, AnySeq, Initial
+from amaranth.hdl import Assert, Assume, Cover
+from amaranth.lib.wiring import In
+
+__all__ = ["ChannelRecovery", "ChannelTiming", "UpdateRecovery", "UpdateTiming"]
+
+
+def driven(fragment):
+    """Maps the name of each signal that a circuit drives, without those of its submodules, to the Signal.
+
+    Signals that have the same name are left out.
+    """
+    found = {id(signal): signal for statements in fragment.statements.values() for statement in statements
+             for signal in statement._lhs_signals()}
+    counts = Counter(signal.name for signal in found.values())
+    return {signal.name: signal for signal in found.values() if counts[signal.name] == 1}
+
+
+def before(m, value):
+    """The value in the first state, to use in the second."""
+    value = Value.cast(value)
+    kept = Signal(value.shape(), reset_less=True)
+    m.d.sync += kept.eq(value)
+    return kept
+
+
+def implies(condition, consequence):
+    """A Value that is low only if the condition holds without the consequence."""
+    return ~condition.bool() | consequence.bool()
+
+
+class _Edge(Elaboratable):
+    """Base: an engine with free inputs and without a reset, in two states that are one clock edge apart.
+
+    A subclass says in ``claims`` what holds in the second state.
+    """
+
+    def __init__(self, make):
+        self.engine = make()
+        system = self.engine.system
+        self.start, self.finish = (getattr(self.engine, name) for name in (system.start, system.finish))
+
+    def elaborate(self, platform):
+        m, engine = Module(), self.engine
+        circuit = Fragment.get(engine, platform)
+        inputs = [Value.cast(getattr(engine, name)) for name, member in engine.signature.members.items()
+                  if member.flow is In]
+        second = Signal(reset_less=True)
+        m.d.comb += [Assume(~ResetSignal()), *(value.eq(AnySeq(len(value))) for value in inputs)]
+        m.d.sync += second.eq(Initial())
+        claims, event = self.claims(m, driven(circuit))
+        with m.If(second):
+            m.d.comb += [*(Assert(claim) for claim in claims), Cover(event)]
+        fragment = Fragment.get(m, platform)
+        fragment.add_subfragment(circuit, "engine")
+        return fragment
+
+    def claims(self, m, s):
+        """What holds in the second state, and what is possible in it: a list of Value, and a Value.
+
+        ``s`` maps the names of the engine's signals to the signals.
+        """
+        raise NotImplementedError
+
+
+class _Update(_Edge):
+    """Base: an Engine."""
+
+    def __init__(self, make):
+        super().__init__(make)
+        self.length, self.end = self.engine.program.length, len(self.engine.state_names) - 1
+
+    def running(self, s):
+        """High in the cycles of an update before END."""
+        return (s["state"] != 0) & (s["state"] < self.end)
+
+    def ready(self, s):
+        """High if the engine is idle, and the next start begins an update."""
+        return (s["state"] == 0) & (s["counter"] == 0) & (s["left"] == self.length - 1) & s["primed"]
+
+    def remaining(self, s):
+        """Edges until the engine is idle: 0 if it is."""
+        in_update = Mux(s["left"] < 0, 2, s["left"] + 3)
+        return Mux(s["state"] == 0, 0, Mux(self.running(s), in_update, 1)).as_unsigned()
+
+
+class UpdateRecovery(_Update):
+    """From any contents of the registers an Engine is idle within ``2 * latency`` edges, whatever starts come.
+
+    The number of remaining edges is at most ``2 * latency``, falls at every edge, and is 0 only if the engine is idle.
+    If it is idle after an edge, it is ready for a start.
+    """
+
+    def claims(self, m, s):
+        remaining, idle = self.remaining(s), s["state"] == 0
+        earlier = before(m, remaining)
+        return [remaining <= 2 * self.engine.latency,
+                (remaining == 0) == idle,
+                implies(earlier != 0, remaining < earlier),
+                implies(idle, self.ready(s))], idle & (earlier == 1)
+
+
+class UpdateTiming(_Update):
+    """A ready Engine takes a start and finishes ``latency`` edges later; an END in another cycle is not complete.
+
+    An update is in step if its state, its counters and its words are those of one cycle of the schedule. The edge that
+    takes a start leads to an update in step with ``latency`` remaining edges. From there each edge leads to an
+    update in step with one less, and the finish rises when none remains.
+    """
+
+    def in_step(self, s):
+        """High in an update in step, END included."""
+        fetched, word = (self.engine.program.layout(s[name]) for name in ("fetched", "word"))
+        ends = [cycle for cycle, fields in enumerate(self.engine.program.words) if fields.get("advance")]
+        cycle = self.length - 1 - s["left"]
+
+        def advances(value):
+            return reduce(or_, [value == end for end in ends])
+
+        section = 1 + reduce(add, [cycle > end + 1 for end in ends])
+        running = (self.running(s) & (cycle >= 0) & (cycle <= self.length) & (s["state"] == section)
+                   & (s["counter"] == (cycle + 1)[:len(s["counter"])])
+                   & (word.advance == advances(cycle - 1))
+                   & ((cycle == self.length) | (fetched.advance == advances(cycle))))
+        return Mux(s["state"] == self.end, s["complete"], running) & ~self.finish
+
+    def claims(self, m, s):
+        remaining, in_step, word = self.remaining(s), self.in_step(s), self.engine.program.layout(s["word"])
+        earlier, was_in_step = before(m, remaining), before(m, in_step)
+        last = (s["state"] == self.end - 1) & word.advance & (s["left"] < 0)
+        return [implies(before(m, self.ready(s) & self.start), in_step & (remaining == self.engine.latency)),
+                implies(was_in_step, (remaining == earlier - 1) & (self.finish == (remaining == 0))),
+                implies(was_in_step & (remaining != 0), in_step),
+                implies(s["complete"], before(m, last))], was_in_step & self.finish
+
+
+class _Channels(_Edge):
+    """Base: a StreamEngine, and any one of its channels."""
+
+    def __init__(self, make):
+        super().__init__(make)
+        self.interval, self.stages = self.engine.interval, self.engine.program.schedule.stages
+        self.channel = Signal.like(self.engine.in_channel)
+
+    def claims(self, m, s):
+        m.d.comb += self.channel.eq(AnyConst(len(self.channel)))
+        in_stage = [s[f"stage{stage}_valid"] & (s[f"stage{stage}_channel"] == self.channel)
+                    for stage in range(self.stages)]
+        offered = self.start & (self.engine.in_channel == self.channel)
+        return self.channel_claims(m, s, in_stage, offered, before(m, offered & self.engine.in_ready))
+
+    def channel_claims(self, m, s, in_stage, offered, taken):
+        """As ``claims``; ``in_stage`` says by stage whether it has an update of the channel, ``offered`` whether
+        a sample of the channel is offered, and ``taken`` whether the edge took one."""
+        raise NotImplementedError
+
+    def at_beginning(self, s):
+        """High if an interval begins in the next cycle, or the engine waits for a sample."""
+        return s["beginning"] & (s["counter"] == 0)
+
+
+class ChannelRecovery(_Channels):
+    """From any contents of the registers a channel is soon free, and then ready, whatever the other channels do.
+
+    It is free within ``latency + interval`` edges: the number of remaining edges counts an interval for each stage that
+    an update of the channel still passes, and falls at every edge. An interval begins within ``interval`` edges: the
+    number of edges to it falls, too. At the beginning of an interval a channel that is free is ready.
+    """
+
+    def channel_claims(self, m, s, in_stage, offered, taken):
+        engine, counter = self.engine, s["counter"]
+        # A counter beyond the interval continues to its greatest code.
+        wait = Mux(s["beginning"], 0, Mux(counter < self.interval, self.interval, 1 << len(counter)) - counter)
+        wait, remaining = wait.as_unsigned(), Const(0)
+        for stage in reversed(range(self.stages)):
+            remaining = Mux(in_stage[stage], 1 + wait + (self.stages - 1 - stage) * self.interval, remaining)
+        waited, earlier, free = before(m, wait), before(m, remaining), remaining == 0
+        return [wait <= self.interval,
+                implies(waited != 0, wait < waited),
+                remaining <= engine.latency + self.interval,
+                implies(earlier != 0, remaining < earlier),
+                implies((earlier == 0) & ~taken, free),
+                s["beginning"] == (counter == 0),
+                implies(offered, engine.in_ready == (self.at_beginning(s) & free))], (earlier == 1) & engine.in_ready
+
+
+class ChannelTiming(_Channels):
+    """A sample of a channel that is free finishes ``latency`` edges after it was taken, and no other finish has its
+    channel.
+
+    The counters are in step if they are those of one cycle of the interval. The beginning of an interval brings them
+    in step, and they remain so. With them in step, the edge that takes a sample leads to an update with ``latency``
+    remaining edges. Each edge leads to one less, and the finish is high with the channel when none remains.
+    Without a sample, an engine in which no update is in flight remains ready.
+    """
+
+    def in_step(self, s, in_flight):
+        """High if the counters are in step."""
+        counter, slot = s["counter"], s["slot"]
+        follows = counter == Mux(slot == self.interval - 1, 0, slot + 1)
+        waits = (counter == 0) & (slot == 0) & ~in_flight
+        return (s["primed"] & (slot < self.interval) & (s["check"] == slot) & (s["beginning"] == (counter == 0))
+                & (follows | waits))
+
+    def channel_claims(self, m, s, in_stage, offered, taken):
+        latency, free = self.engine.latency, ~Cat(in_stage).any()
+        in_flight = Cat(s[f"stage{stage}_valid"] for stage in range(self.stages)).any()
+        cycle = reduce(or_, [Mux(each, stage * self.interval + s["slot"], 0) for stage, each in enumerate(in_stage)])
+        remaining = Mux(free, 0, latency - cycle)
+        in_step = self.in_step(s, in_flight)
+        single = reduce(and_, [~(one & other) for one, other in combinations(in_stage, 2)], Const(1))
+        timely = in_step & single & (cycle < latency)
+        earlier, was_timely = before(m, remaining), before(m, timely)
+        finishes = self.finish & (self.engine.out_channel == self.channel)
+        return [implies(before(m, in_step | self.at_beginning(s)), in_step),
+                implies(in_step & free, timely),
+                implies(was_timely, timely & (finishes == (earlier == 1))),
+                implies(was_timely, remaining == Mux(taken, latency, Mux(earlier == 0, 0, earlier - 1))),
+                implies(before(m, self.at_beginning(s) & ~in_flight & ~self.start), self.at_beginning(s) & ~in_flight),
+                ], finishes & was_timely
