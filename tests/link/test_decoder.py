@@ -5,18 +5,13 @@ import pytest
 
 from strapdown.link import NAVIGATION, FrameDecoder, FrameSender
 
+from ..frames import COUNT, assert_frames, numbers_of_frames
 from .support import frame
-
-COUNT = 40
 
 
 @pytest.fixture(scope="module")
 def numbers():
-    """Nine random numbers a frame; among them ones with 17 digits, with the bytes of a sync, and -0."""
-    values = np.random.default_rng(1).normal(0, 1e3, (COUNT, 9))
-    values[3] = np.frombuffer(b"\xeb\x90\x48\x01\x48\xeb\x90\x3f" * 9)
-    values[4, :4] = 0.1, 1 / 3, -0.0, 5e-324
-    return values
+    return numbers_of_frames()
 
 
 @pytest.fixture
@@ -33,13 +28,6 @@ def decode(data, piece=1 << 16):
 
 def counts(decoder):
     return decoder.frames, decoder.lost, decoder.crc_errors, decoder.restarts, decoder.skipped_bytes
-
-
-def assert_frames(found, wanted, numbers):
-    """``found`` are the frames of these indices, in every bit."""
-    assert [(frame.number, frame.status) for frame in found] == [(index - wanted[0], index % 32) for index in wanted]
-    np.testing.assert_array_equal(np.array([frame.values for frame in found]).view(np.uint64),
-                                  numbers[list(wanted)].view(np.uint64))
 
 
 @pytest.mark.parametrize("piece", [1, 2, 7, 80, 81, 82, 1 << 16])

@@ -22,7 +22,7 @@ from strapdown.cli import main
 from strapdown.link import FrameDecoder
 from strapdown_sim.monitor import monitor, read_port
 
-COUNT = 40
+from ..frames import COUNT, assert_frames, numbers_of_frames
 
 
 def frame(counter, status, numbers, dtype="<f8"):
@@ -34,23 +34,12 @@ def frame(counter, status, numbers, dtype="<f8"):
 
 @pytest.fixture(scope="module")
 def numbers():
-    """Nine random numbers a frame; among them ones with 17 digits, with the bytes of a sync, and -0."""
-    values = np.random.default_rng(1).normal(0, 1e3, (COUNT, 9))
-    values[3] = np.frombuffer(b"\xeb\x90\x48\x01\x48\xeb\x90\x3f" * 9)
-    values[4, :4] = 0.1, 1 / 3, -0.0, 5e-324
-    return values
+    return numbers_of_frames()
 
 
 @pytest.fixture
 def frames(numbers):
     return [frame(counter, counter % 32, row) for counter, row in enumerate(numbers)]
-
-
-def assert_frames(found, wanted, numbers):
-    """``found`` are the frames of these indices, in every bit."""
-    assert [(frame.number, frame.status) for frame in found] == [(index - wanted[0], index % 32) for index in wanted]
-    np.testing.assert_array_equal(np.array([frame.values for frame in found]).view(np.uint64),
-                                  numbers[list(wanted)].view(np.uint64))
 
 
 def table(path):

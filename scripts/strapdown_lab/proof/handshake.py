@@ -20,11 +20,11 @@ def anything(value):
     return AnySeq(len(value))
 
 
-def _module_around(op):
-    """A module with the operator as ``op`` and arbitrary inputs."""
+def _module_around(op, *, without=()):
+    """A module with the operator as ``op`` and arbitrary inputs, except those ``without``."""
     m = Module()
     m.submodules.op = op
-    m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=()).values()]
+    m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=without).values()]
     return m, op
 
 
@@ -133,12 +133,9 @@ class IterativeRecovery(_Clockwork):
         self.op, self.edges = make(), edges
 
     def elaborate(self, platform):
-        m, op = Module(), self.op
-        m.submodules.op = op
-        m.d.comb += Assume(~ResetSignal())
+        m, op = _module_around(self.op, without=("start",))
         now = self.age(m, self.edges + op.latency)
-        m.d.comb += [value.eq(anything(value)) for value in ports(op, In, without=("start",)).values()]
-        m.d.comb += op.start.eq(now[self.edges])
+        m.d.comb += [Assume(~ResetSignal()), op.start.eq(now[self.edges])]
         finish = self.edges + op.latency
         with m.If(now[self.edges:finish + 1].any()):
             m.d.comb += [Assert(op.done == now[finish]), Cover(op.done)]
