@@ -157,44 +157,57 @@ class _Channels(_Edge):
 
     def claims(self, m, s):
         m.d.comb += self.channel.eq(AnyConst(len(self.channel)))
-        in_stage = [s[f"stage{stage}_valid"] & (s[f"stage{stage}_channel"] == self.channel)
-                    for stage in range(self.stages)]
+        updates = [s[f"stage{stage}_valid"] for stage in range(self.stages)]
+        own = [valid & (s[f"stage{stage}_channel"] == self.channel) for stage, valid in enumerate(updates)]
         offered = self.start & (self.engine.in_channel == self.channel)
-        return self.channel_claims(m, s, in_stage, offered, before(m, offered & self.engine.in_ready))
+        return self.channel_claims(m, s, updates, own, offered, before(m, offered & self.engine.in_ready))
 
-    def channel_claims(self, m, s, in_stage, offered, taken):
-        """As ``claims``; ``in_stage`` says by stage whether it has an update of the channel, ``offered`` whether
-        a sample of the channel is offered, and ``taken`` whether the edge took one."""
+    def channel_claims(self, m, s, updates, own, offered, taken):
+        """As ``claims``; ``updates`` and ``own`` say by stage whether an update is in it, and one of the channel;
+        ``offered`` says whether a sample of the channel is offered, and ``taken`` whether the edge took one."""
         raise NotImplementedError
 
     def at_beginning(self, s):
-        """High if an interval begins in the next cycle, or the engine waits for a sample."""
+        """High in the cycle before an interval, or while the engine waits for a sample."""
         return s["beginning"] & (s["counter"] == 0)
 
 
 class ChannelRecovery(_Channels):
     """From any contents of the registers a channel is soon free, and then ready, whatever the other channels do.
 
-    It is free within ``latency + interval`` edges: the number of remaining edges counts an interval for each stage that
-    an update of the channel still passes, and falls at every edge. An interval begins within ``interval`` edges: the
-    number of edges to it falls, too. At the beginning of an interval a channel that is free is ready.
+    Three numbers of edges are bounded, and each falls at every edge until it is 0:
+
+    - to the beginning of an interval: at most ``interval``;
+    - to the time at which the channel is free, an interval for each stage that its update still passes: at most
+      ``latency + interval``;
+    - to the time at which the engine is primed. Until then it takes no sample, ends the updates in flight, and then
+      writes its constants to the memory, one per cycle: at most ``latency + 2 * interval``, and the constants.
+
+    At the beginning of an interval an engine that is primed is ready for a channel that is free.
     """
 
-    def channel_claims(self, m, s, in_stage, offered, taken):
-        engine, counter = self.engine, s["counter"]
-        # A counter beyond the interval continues to its greatest code.
-        wait = Mux(s["beginning"], 0, Mux(counter < self.interval, self.interval, 1 << len(counter)) - counter)
-        wait, remaining = wait.as_unsigned(), Const(0)
-        for stage in reversed(range(self.stages)):
-            remaining = Mux(in_stage[stage], 1 + wait + (self.stages - 1 - stage) * self.interval, remaining)
-        waited, earlier, free = before(m, wait), before(m, remaining), remaining == 0
-        return [wait <= self.interval,
-                implies(waited != 0, wait < waited),
-                remaining <= engine.latency + self.interval,
-                implies(earlier != 0, remaining < earlier),
-                implies((earlier == 0) & ~taken, free),
-                s["beginning"] == (counter == 0),
-                implies(offered, engine.in_ready == (self.at_beginning(s) & free))], (earlier == 1) & engine.in_ready
+    def channel_claims(self, m, s, updates, own, offered, taken):
+        engine, interval, counter, turn = self.engine, self.interval, s["counter"], s["turn"]
+        # A counter beyond the interval continues to its greatest code. One that waits elsewhere goes on an edge later.
+        onward = Mux(counter < interval, interval, 1 << len(counter)) - counter + s["beginning"]
+        beginning = Mux(counter == 0, Mux(s["beginning"], 0, interval), onward).as_unsigned()
+
+        def free(stages):
+            passes = reduce(lambda rest, stage: Mux(stages[stage], self.stages - 1 - stage, rest),
+                            reversed(range(self.stages)), Const(0))
+            return Mux(Cat(stages).any(), 1 + beginning + passes * interval, 0)
+
+        last = max(len(engine.program.constants), 1) - 1
+        turns, constants = 1 << len(turn), (last - turn)[:len(turn)]
+        writing = Mux(Cat(updates).any(), free(updates) + interval + turns, beginning + 1 + constants)
+        claims = [s["beginning"] == (counter == 0), implies(before(m, free(own) == 0) & ~taken, free(own) == 0),
+                  implies(before(m, s["primed"]), s["primed"]),
+                  implies(offered, engine.in_ready == (self.at_beginning(s) & (free(own) == 0) & s["primed"]))]
+        for number, bound in ((beginning, interval), (free(own), engine.latency + interval),
+                              (Mux(s["primed"], 0, writing), engine.latency + 2 * interval + turns)):
+            earlier = before(m, number)
+            claims += [number <= bound, implies(earlier != 0, number < earlier)]
+        return claims, before(m, free(own) == 1) & offered
 
 
 class ChannelTiming(_Channels):
@@ -212,22 +225,21 @@ class ChannelTiming(_Channels):
         counter, slot = s["counter"], s["slot"]
         follows = counter == Mux(slot == self.interval - 1, 0, slot + 1)
         waits = (counter == 0) & (slot == 0) & ~in_flight
-        return (s["primed"] & (slot < self.interval) & (s["check"] == slot) & (s["beginning"] == (counter == 0))
+        return ((slot < self.interval) & (s["check"] == slot) & (s["beginning"] == (counter == 0))
                 & (follows | waits))
 
-    def channel_claims(self, m, s, in_stage, offered, taken):
-        latency, free = self.engine.latency, ~Cat(in_stage).any()
-        in_flight = Cat(s[f"stage{stage}_valid"] for stage in range(self.stages)).any()
-        cycle = reduce(or_, [Mux(each, stage * self.interval + s["slot"], 0) for stage, each in enumerate(in_stage)])
+    def channel_claims(self, m, s, updates, own, offered, taken):
+        latency, free, in_flight = self.engine.latency, ~Cat(own).any(), Cat(updates).any()
+        cycle = reduce(or_, [Mux(each, stage * self.interval + s["slot"], 0) for stage, each in enumerate(own)])
         remaining = Mux(free, 0, latency - cycle)
         in_step = self.in_step(s, in_flight)
-        single = reduce(and_, [~(one & other) for one, other in combinations(in_stage, 2)], Const(1))
+        single = reduce(and_, [~(one & other) for one, other in combinations(own, 2)], Const(1))
         timely = in_step & single & (cycle < latency)
         earlier, was_timely = before(m, remaining), before(m, timely)
         finishes = self.finish & (self.engine.out_channel == self.channel)
+        rests = self.at_beginning(s) & ~in_flight
         return [implies(before(m, in_step | self.at_beginning(s)), in_step),
                 implies(in_step & free, timely),
                 implies(was_timely, timely & (finishes == (earlier == 1))),
                 implies(was_timely, remaining == Mux(taken, latency, Mux(earlier == 0, 0, earlier - 1))),
-                implies(before(m, self.at_beginning(s) & ~in_flight & ~self.start), self.at_beginning(s) & ~in_flight),
-                ], finishes & was_timely
+                implies(before(m, rests & ~self.start), rests)], finishes & was_timely
