@@ -1,5 +1,8 @@
 """The navigation kernel in float64 against the reference navigator and the truth."""
 
+from functools import partial
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -7,8 +10,10 @@ from strapdown.algorithms import sins
 from strapdown.cores import SINS, SINS_DAMPED, sins_top
 from strapdown.kernel.numeric import Float64
 from strapdown.kernel.system import leaves
-from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_from_geodetic, rest_errors
+from strapdown_sim.errors import quaternion_from_matrix, rotation_angle
+from strapdown_sim.reference.sins import Navigator, coarse_alignment, platform_from_geodetic, rest_errors, rotation
 from strapdown_sim.stimuli.flight import SOURCE_EARTH, Change, Flight, at_rest
+from strapdown_sim.stimuli.pole import DISTANCES_DEG
 
 RNG = np.random.default_rng(2)
 FLIGHT = Flight(
@@ -211,3 +216,64 @@ def test_state_has_a_reset_for_every_word():
     for config in (SINS, SINS_DAMPED):
         system = sins_top(config)
         assert sorted(system.reset) == sorted(leaves(system.state))
+
+
+def matrix_from_angles(pitch, roll, grid_heading):
+    """C_b^p from angles in rad, shape (...); the grid heading is anticlockwise."""
+    zero = np.zeros(np.shape(pitch))
+    return (rotation(np.stack([zero, zero, grid_heading], -1)) @ rotation(np.stack([pitch, zero, zero], -1))
+            @ rotation(np.stack([zero, roll, zero], -1)))
+
+
+def difference_deg(a, b):
+    """Angle of the rotation between two matrices."""
+    return rotation_angle(quaternion_from_matrix(a), quaternion_from_matrix(b))
+
+
+def near_the_poles():
+    """C_b^p near a pitch of ±90° and, in another order, C_e^p near the earth's poles."""
+    steep, turn = (np.radians([sign * (90 - d) for sign, d in product((1, -1), DISTANCES_DEG)]),
+                   np.radians([10.0, 100.0, 190.0, 280.0]))
+    first, second, third = (values.ravel() for values in np.meshgrid(steep, turn, turn, indexing="ij"))
+    t = matrix_from_angles(first, second, third)
+    other = RNG.permutation(len(first))
+    return t, platform_from_geodetic(first[other], second[other], third[other])
+
+
+@pytest.mark.parametrize("numbers", ["float64", "twin"])
+def test_angles_give_attitude_and_position_back_near_their_poles(numbers):
+    system = sins_top(SINS)
+    t, c = near_the_poles()
+    q = quaternion_from_matrix(t.swapaxes(-1, -2))
+    update = system.update_float64 if numbers == "float64" else partial(system.update_twin, SINS.pool)
+    result = update(bound(system), system.bind_state(q=q, c=c, left=-1.0))
+    state, told = system.read(result, system.state), system.read(result)
+    pitch, roll, heading = np.radians(told["attitude"].T)
+    wander = np.radians(told["wander"])
+    assert difference_deg(matrix_from_angles(pitch, roll, -heading - wander), state["t"]).max() < 1e-9
+    # A centimetre from the earth's pole, 2**-53 rad divided by 2**-30 rad.
+    assert difference_deg(platform_from_geodetic(*np.radians(told["position"].T), wander), state["c"]).max() < 1e-5
+    undefined = np.hypot(state["t"][:, 2, 0], state["t"][:, 2, 2]) < 2.0**-50
+    assert undefined.any()
+    assert (roll[undefined] == 0).all()
+
+
+def test_the_references_angles_give_attitude_and_position_back_near_their_poles():
+    t, c = near_the_poles()
+    told = Navigator(SOURCE_EARTH, 1.0, t, c, np.zeros((len(t), 3)), np.zeros(len(t))).navigation()
+    assert difference_deg(matrix_from_angles(told.pitch, told.roll, -told.heading - told.wander), t).max() < 1e-12
+    assert difference_deg(platform_from_geodetic(told.latitude, told.longitude, told.wander), c).max() < 1e-12
+
+
+@pytest.mark.parametrize("latitude_deg", [90, -90])
+def test_a_start_at_the_earths_pole_keeps_longitude_heading_and_velocity(latitude_deg):
+    system = sins_top(SINS)
+    longitude, heading, spin = 60.0, 30.0, SOURCE_EARTH.rate_rad_s * np.sign(latitude_deg)
+    half = np.radians(heading) / 2
+    omega, f = np.tile((0, 0, spin), (3, 1)), np.tile((0, 0, float(SOURCE_EARTH.gravity(np.pi / 2, 0.0))), (3, 1))
+    result, _ = system.run_float64(loaded(system, omega, f, place=(latitude_deg, longitude),
+                                          start_q=(np.cos(half), 0, 0, -np.sin(half)), start_v=(1e-3, 2e-3, 0)))
+    told = system.read(result)
+    assert told["position"] == pytest.approx(np.tile((latitude_deg, longitude), (3, 1)), abs=1e-4)
+    assert told["attitude"] == pytest.approx(np.tile((0, 0, heading), (3, 1)), abs=1e-4)
+    assert told["velocity"] == pytest.approx(np.tile((1e-3, 2e-3, 0), (3, 1)), abs=1e-6)

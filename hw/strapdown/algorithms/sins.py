@@ -17,8 +17,8 @@ from .sine import half_turn, sine_cosine
 from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, matrix_vector, polynomial, scale
 
 __all__ = ["Earth", "SOURCE_EARTH", "Sample", "Settings", "Start", "State", "WGS84", "alignment_quaternion",
-           "attitude_quaternion", "earth_and_transport_rate",
-           "matrix_of_quaternion", "navigation_angles", "north_east_velocity", "position_matrix", "sins_update",
+           "attitude_angles", "attitude_quaternion", "earth_and_transport_rate", "horizontal_directions",
+           "matrix_of_quaternion", "north_east_velocity", "position_angles", "position_matrix", "sins_update",
            "start_position", "velocity_half_change", "vertical_loop"]
 
 
@@ -161,34 +161,54 @@ def alignment_quaternion(xp, f, omega):
     return chosen(xp, larger, second, first)
 
 
-def north_east_velocity(xp, n, v, cosine):
-    """Velocity east and north from V and the wander angle, cosine = cos L: north is n/cos L in p, n = (C13, C23)."""
-    inverse = 1 / xp.maximum(cosine, SMALLEST_COSINE)
-    return inverse * (v[0] * n[1] - v[1] * n[0]), inverse * dot(v[:2], n)
+def horizontal_directions(xp, c, loads):
+    """North in p, (C13, C23), and up in e, (C31, C32), without their vertical parts; their length; wander angle, cos L.
+
+    In an update that loads, and where north is undefined, north is (0, 1), the length is 1, and up is a quarter turn
+    behind east, (C12, −C11): the wander angle (radians) is zero, and the longitude belongs to it. The arctangent does
+    not wait for this choice. The length is cos L otherwise.
+    """
+    square = dot(c[2][:2], c[2][:2])
+    cosine = xp.sqrt(square)
+    along_y = xp.select(loads, -1.0, square - SMALLEST_COSINE**2) < 0.0
+    north = (c[0][2], c[1][2])
+    return (chosen(xp, along_y, (0.0, 1.0), north), chosen(xp, along_y, (c[0][1], -c[0][0]), c[2][:2]),
+            xp.select(along_y, 1.0, cosine), xp.select(along_y, 0.0, xp.atan2(*north)), cosine)
 
 
 SMALLEST_COSINE = 2.0**-30
-"""Within a centimetre of the pole east is undefined."""
+"""Within a centimetre of the earth's pole north is undefined."""
 
 
-def navigation_angles(xp, t, n, c):
-    """Pitch, roll, true heading, latitude, longitude and wander angle in degrees: eq. 5 and 9.
+def north_east_velocity(xp, north, v, length):
+    """Velocity east and north from V and the direction to the north, (C13, C23), with its length."""
+    inverse = 1 / length
+    return inverse * (v[0] * north[1] - v[1] * north[0]), inverse * dot(v[:2], north)
 
-    ``n`` is (C13, C23) with any positive factor.
 
-    Heading is clockwise from true north in [0, 360): minus the source's grid heading
-    atan2(−T12, T22) less the wander angle atan2(C13, C23), both anticlockwise, taken in one
-    arctangent. Returns (pitch, roll, heading), (latitude, longitude, wander), cos L.
+def attitude_angles(xp, t, north):
+    """Pitch, roll and true heading in degrees: eq. 5. ``north`` is (C13, C23) with any positive factor.
+
+    Heading is clockwise from true north in [0, 360): minus the source's grid heading atan2(−T12, T22) less the wander
+    angle atan2(C13, C23), both anticlockwise, taken in one arctangent. At a pitch of ±90° (T12, T22) is zero. The
+    direction forward is therefore a quarter turn from that to the right without the roll,
+    (T33·T11 − T31·T13, T33·T21 − T31·T23), as in ``attitude.matrix_angles``; where T31 and T33 are zero, (0, 1)
+    replaces them.
     """
-    forward, cosine = (t[0][1], t[1][1]), xp.sqrt(dot(c[2][:2], c[2][:2]))
-    pitch = xp.atan2(t[2][1], xp.sqrt(t[2][0] * t[2][0] + t[2][2] * t[2][2]))
-    roll = xp.atan2(-t[2][0], t[2][2])
-    heading = DEGREES * xp.atan2(forward[0] * n[1] - forward[1] * n[0], dot(forward, n))
+    square = t[2][0] * t[2][0] + t[2][2] * t[2][2]
+    pole = square < SHORTEST_SQUARE
+    x, y = chosen(xp, pole, (t[0][0], t[1][0]), tuple(t[2][2] * row[0] - t[2][0] * row[2] for row in t[:2]))
+    pitch = xp.atan2(t[2][1], xp.sqrt(square))
+    roll = xp.select(pole, 0.0, xp.atan2(-t[2][0], t[2][2]))
+    heading = DEGREES * xp.atan2(-(y * north[1] + x * north[0]), x * north[1] - y * north[0])
     # Like the yaw of the attitude cores, it is zero where adding 360 would round to 360.
     heading = xp.select(heading + 2.0**-15 < 0.0, heading + 360, xp.maximum(heading, 0.0))
-    latitude, longitude = xp.atan2(c[2][2], cosine), xp.atan2(c[2][1], c[2][0])
-    wander = xp.atan2(n[0], n[1])
-    return ((DEGREES * pitch, DEGREES * roll, heading), scale(DEGREES, (latitude, longitude, wander)), cosine)
+    return DEGREES * pitch, DEGREES * roll, heading
+
+
+def position_angles(xp, sine, cosine, up):
+    """Latitude and longitude in degrees from sin L, cos L and (C31, C32): eq. 9."""
+    return scale(DEGREES, (xp.atan2(sine, cosine), xp.atan2(up[1], up[0])))
 
 
 class Sample(NamedTuple):
@@ -361,16 +381,17 @@ def sins_update(xp, sample, start, state, settings):
         c = tuple(chosen(xp, loads, *rows) for rows in zip(start_position(xp, *does.place), moved_c, strict=True))
     with xp.section("OUTPUT"):
         # A load gives out the start angles unchanged, with north along the platform's y: no output waits for a sine.
-        n = chosen(xp, loads, (0.0, 1.0), (moved_c[0][2], moved_c[1][2]))
-        attitude, position, cosine = navigation_angles(xp, t, n, moved_c)
-        east, north = north_east_velocity(xp, n, v, xp.select(loads, 1.0, cosine))
-        shown = chosen(xp, loads, does.place, position[:2])
+        north, up, length, wander, cosine = horizontal_directions(xp, moved_c, loads)
+        attitude = attitude_angles(xp, t, north)
+        position = position_angles(xp, moved_c[2][2], cosine, up)
+        v_east, v_north = north_east_velocity(xp, north, v, length)
+        shown = chosen(xp, loads, does.place, position)
         excess = xp.maximum(does.place_excess, xp.maximum(rate_square - settings.rate_max**2,
                                                           dot(f, f) - settings.force_max**2))
     state = {"q": q, "t": t, "c": c, "v": v, "half": half, "h": h, "before": does.next_before,
              "force": does.next_force, "left": does.next_left}
     return Update(
-        outputs={"attitude": attitude, "velocity": (east, north, v[2]), "position": shown, "height": h,
-                 "wander": position[2]},
+        outputs={"attitude": attitude, "velocity": (v_east, v_north, v[2]), "position": shown, "height": h,
+                 "wander": DEGREES * wander},
         state=state | ({"bias": bias} if settings.damping else {}),
         status={"aligning": does.next_left > 0.5, "navigating": does.next_left < 0.0, "out_of_range": excess > 0.0})

@@ -69,7 +69,8 @@ MEANINGS = {
 
 KERNELS = (sins.earth_and_transport_rate, polynomial, sins.attitude_quaternion, sins.matrix_of_quaternion,
            sins.velocity_half_change, sins.vertical_loop, sins.position_matrix, sins.start_position, sine.sine_cosine,
-           sins.alignment_quaternion, sins.navigation_angles, sins.north_east_velocity)
+           sins.alignment_quaternion, sins.horizontal_directions, sins.attitude_angles, sins.position_angles,
+           sins.north_east_velocity)
 
 
 def sins_top(config):

@@ -147,17 +147,36 @@ class Navigator:
         self.c_e2p = position @ c
 
     def navigation(self):
-        """The current outputs of the navigator."""
+        """The current outputs of the navigator.
+
+        With the sine s of the pitch and the anticlockwise grid heading g, and with latitude L, longitude l and wander
+        angle w,
+
+            T21 + T13 = (1 + s) sin(g + roll),   T11 - T23 = (1 + s) cos(g + roll),
+            T21 - T13 = (1 - s) sin(g - roll),   T11 + T23 = (1 - s) cos(g - roll),
+            -C11 - C22 = (1 + sin L) sin(l + w),   C12 - C21 = (1 + sin L) cos(l + w),
+            C22 - C11 = (1 - sin L) sin(l - w),    C12 + C21 = (1 - sin L) cos(l - w).
+
+        The pair with the larger factor gives g and l at any pitch and latitude. Where the roll or the wander angle is
+        undefined, it is zero.
+        """
         t, c = self.c_b2p, self.c_e2p
-        wander = np.arctan2(c[..., 0, 2], c[..., 1, 2])
-        grid = np.arctan2(-t[..., 0, 1], t[..., 1, 1])
+        up, north = t[..., 2, :], c[..., :, 2]
+        wander = np.arctan2(north[..., 0] + 0.0, north[..., 1] + 0.0)
+        roll = np.arctan2(-up[..., 0] + 0.0, up[..., 2] + 0.0)
+        grid = np.where(up[..., 1] > 0,
+                        np.arctan2(t[..., 1, 0] + t[..., 0, 2], t[..., 0, 0] - t[..., 1, 2]) - roll,
+                        np.arctan2(t[..., 1, 0] - t[..., 0, 2], t[..., 0, 0] + t[..., 1, 2]) + roll)
+        longitude = np.where(c[..., 2, 2] > 0,
+                             np.arctan2(-c[..., 0, 0] - c[..., 1, 1], c[..., 0, 1] - c[..., 1, 0]) - wander,
+                             np.arctan2(c[..., 1, 1] - c[..., 0, 0], c[..., 0, 1] + c[..., 1, 0]) + wander)
         cos, sin = np.cos(wander), np.sin(wander)
         v = self.velocity
         enu = np.stack([cos * v[..., 0] - sin * v[..., 1], sin * v[..., 0] + cos * v[..., 1], v[..., 2]], -1)
         return Navigation(
-            np.arcsin(np.clip(t[..., 2, 1], -1, 1)), np.arctan2(-t[..., 2, 0], t[..., 2, 2]),
+            np.arctan2(up[..., 1], np.hypot(up[..., 0], up[..., 2])), roll,
             np.mod(-(grid + wander), 2 * np.pi), enu, np.arctan2(c[..., 2, 2], np.hypot(c[..., 2, 0], c[..., 2, 1])),
-            np.arctan2(c[..., 2, 1], c[..., 2, 0]), self.height_m, wander)
+            np.mod(longitude + np.pi, 2 * np.pi) - np.pi, self.height_m, wander)
 
     def run(self, omega_b, f_b, altitude_m=None):
         """All samples (N, ..., 3) in order: the Navigation after each, stacked along a new first axis."""
