@@ -8,10 +8,12 @@ RECORDINGS ?= ../shared/recordings
 ONLY ?=
 BASE ?= HEAD
 PART ?= 1
+COUNT ?= 10000
+SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim report compare formal exhaustive mutants accuracy lint docs clean
+.PHONY: help setup icarus demo verilog test sim report compare formal exhaustive mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -60,6 +62,11 @@ exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sq
 
 mutants: $(VENV)/ready-formal ## Put single faults into operators and engines; tests must detect them. ONLY=REGEX selects files.
 	$(BIN)/python -m strapdown_lab.proof mutants --only '$(ONLY)'
+
+faults: setup ## Flip COUNT bits of a core during a recording; CONFIG, SEED, ONLY=REGEX, RECORDINGS. See docs/faults.md.
+	$(BIN)/python -m strapdown_lab.faults --config $(CONFIG) --count $(COUNT) --seed $(SEED) --only '$(ONLY)' \
+		--recordings $(RECORDINGS) --output build/faults
+	$(if $(ONLY),,mkdir -p docs/faults && cp build/faults/$(CONFIG).json docs/faults)
 
 accuracy: $(VENV)/ready-accuracy ## Compare attitude filters on real recordings with published ones, for `make docs`; RECORDINGS=folder.
 	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy

@@ -4,6 +4,7 @@ Commands are in fenced blocks of ``sh`` or between backquotes. Each must match a
 is run. A command without a rule fails, and so does a rule without a command.
 """
 
+import json
 import os
 import re
 import shlex
@@ -21,9 +22,12 @@ from strapdown.cli import main
 from strapdown.link import NAVIGATION, FrameSender
 from strapdown_lab.checkout import ROOT
 from strapdown_lab.docs import own_kernel, own_operator
+from strapdown_lab.faults.__main__ import main as flips
 from strapdown_lab.proof import mutation
 from strapdown_lab.proof.__main__ import main as proof
-from strapdown_lab.proof.solver import Outcome
+from strapdown_lab.proof.solver import Outcome as Proof
+from strapdown_sim.drivers.faults import FaultModel, Outcome, Verdict
+from strapdown_sim.drivers.storage import REGISTER, Storage
 
 PROGRAMS = r"(?:make|strapdown|pip|python -m \S+|scripts/\S+\.(?:py|sh))"
 
@@ -77,6 +81,18 @@ class TwinModel:
 
     def differing_bits(self, inputs, result):
         return 0
+
+
+class UpsetNothing:
+    """All faults are masked, in place of the Verilated circuit."""
+
+    DRIVER = FaultModel.DRIVER
+
+    def __init__(self, core, verilog, build):
+        self.places = [Storage(REGISTER, "INS_top", "early", "INS_top__DOT__early", 1, 1)]
+
+    def verdicts(self, faults, samples, second, *, progress):
+        return [Verdict(Outcome.MASKED, True, 0.0, 0) for _ in faults]
 
 
 @dataclass
@@ -165,7 +181,7 @@ def proofs(words, place):
 
     def prove(props, build, **options):
         asked.extend(props)
-        return [Outcome(True, True, 0.0, "") for _ in props]
+        return [Proof(True, True, 0.0, "") for _ in props]
 
     def judge(mutants, root, **options):
         asked.extend(mutants)
@@ -180,6 +196,13 @@ def proofs(words, place):
     place.stand_in("strapdown_lab.proof.exhaustive.check", check)
     place.invoke(proof, words)
     assert asked
+
+
+def faults(words, place):
+    """No bit is flipped: the outcomes are invented, and other tests find some."""
+    place.stand_in("strapdown_lab.faults.campaign.FaultModel", UpsetNothing)
+    place.invoke(flips, words)
+    assert json.loads((place.folder / "build" / "faults" / "thesis.json").read_text())["faults"] == 10_000
 
 
 def make(words, place):
@@ -216,6 +239,8 @@ def recipe(words, place):
             assert place.invoke(proof, ["document", "--help"]).startswith("Usage:")
         case ["python", "-m", "strapdown_lab.proof", *rest]:
             proofs(rest, place)
+        case ["python", "-m", "strapdown_lab.faults", *rest]:
+            faults(rest, place)
         case ["python", "-m", "strapdown_lab.docs"]:
             # tests/test_readme.py and tests/lab compare its output.
             pass
@@ -223,7 +248,11 @@ def recipe(words, place):
             raise AssertionError(f"no rule for {other}")
 
 
+<<<<<<< HEAD
 OWN = {"demo", "verilog", "report", "compare", "formal", "exhaustive", "mutants", "accuracy", "docs"}
+=======
+OWN = {"demo", "verilog", "report", "formal", "exhaustive", "mutants", "faults", "accuracy", "docs"}
+>>>>>>> 62d625b (faults: bits of a core flip during a recording, and what follows)
 """Targets whose recipes call commands of the project; others call tools, which `make -n` shows."""
 
 RULES = {

@@ -31,6 +31,7 @@ from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS
 
 from .checkout import ROOT, write_blocks
+from .faults.tables import cores_table, places_tables
 from .markdown import markdown_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
@@ -189,6 +190,13 @@ def accuracy_blocks():
     return {f"{figure} error": figure_table(result, figure) for figure in ("total", "inclination")}
 
 
+def faults_blocks():
+    """Tables of docs/faults.md, by the name of their block; none without figures."""
+    files = [ROOT / "docs" / "faults" / f"{name}.json" for name in CONFIGS]
+    reports = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.exists()]
+    return {"cores": cores_table(reports), "places": places_tables(reports)} if reports else {}
+
+
 def operator_pages():
     """Pages of docs/operators, by the name of their operator, with measured resources if available."""
     figures = ROOT / "docs" / "report" / "operators.json"
@@ -216,6 +224,7 @@ def main():
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)
     write_blocks(ROOT / "docs" / "operators" / "README.md", operator_index_blocks())
+    write_blocks(ROOT / "docs" / "faults.md", faults_blocks())
     figures = ROOT / "docs" / "report"
     if (figures / "operators.json").exists() and (figures / "cores.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())

@@ -23,7 +23,8 @@ from strapdown_sim.cache import Cache, digest
 from .cores import CoreEntry, simulated_cycles
 from .operators import MeasuredOperator
 
-__all__ = ["Design", "core_circuit", "core_design", "measure", "operator_design", "provenance"]
+__all__ = ["Design", "core_circuit", "core_design", "measure", "operator_design", "provenance",
+           "without_comments"]
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,12 @@ def operator_design(entry: MeasuredOperator) -> Design:
 
 def core_circuit(core, config):
     """Verilog of a core without comments, because comments do not change the resources."""
-    return re.sub(r"^//.*\n", "", verilog_text(core, config), flags=re.MULTILINE)
+    return without_comments(verilog_text(core, config))
+
+
+def without_comments(text):
+    """Verilog without its lines of comments."""
+    return re.sub(r"^//.*\n", "", text, flags=re.MULTILINE)
 
 
 def core_design(entry: CoreEntry, build: Path) -> Design:

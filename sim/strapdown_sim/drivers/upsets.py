@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from strapdown.cores import Core
 
+from . import storage
 from .verilated import Interface, VerilatedModel
 
 __all__ = ["ALL", "BIT", "REGISTER", "UpsetModel"]
@@ -87,7 +88,8 @@ class UpsetModel(VerilatedModel):
         kept = program.upper if several else program.state_words
         memories = {variable(name): kept for name in (memory, "signs") if re.search(rf" {name} \[", text)}
         outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
-        registers = dict(_registers(text, system.name))
+        registers = {(place.module, place.variable, place.path): place.width
+                     for place in storage.storage(text, system.name) if place.kind == storage.REGISTER}
         self.registers = tuple(f"{module}.{name}" for module, name, _ in registers)
         super().__init__(verilog, UpsetInterface(
             system.name, (*system.input_ports, *(["in_channel"] if several else [])), outputs, start=system.start,
@@ -136,21 +138,3 @@ class UpsetModel(VerilatedModel):
         numbers = (*system.output_ports, *(f"after.{port}" for port in system.output_ports),
                    *self.core.engine.program.schedule.graph.state)
         return result | {name: fmt.from_bits(result[name].astype(fmt.bits_dtype)) for name in numbers}
-
-
-def _registers(text, top):
-    """Registers of a Verilog file: tuples of (module, variable, C++ expression) and width."""
-    modules = dict(re.findall(r"^module (\w+).*?;\n(.*?)^endmodule", text, re.MULTILINE | re.DOTALL))
-
-    def inside(module, path):
-        body = modules[module]
-        clocked = set(re.findall(r"^ .*?(\w+)(?:\[[^]]*\])? <= ", body, re.MULTILINE))
-        for high, name in re.findall(r"^  reg (?:\[(\d+):0\] )?(\w+)(?: = .*)?;$", body, re.MULTILINE):
-            if name in clocked and name != "initial_trigger":
-                # Verilator's spelling of two underscores.
-                yield (module, name, path + name.replace("__", "___05F")), int(high or 0) + 1
-        for inner, name in re.findall(r"^  (\w+) (\w+) \($", body, re.MULTILINE):
-            if inner in modules:
-                yield from inside(inner, f"{path}{name}__DOT__")
-
-    return inside(top, f"{top}__DOT__")
