@@ -166,13 +166,13 @@ def test_samples_from_recordings(shared_recordings, make_core):
 
 def test_generated_samples_of_a_navigator(make_core):
     core = make_core(main_module(SINS), SINS)
-    samples = samples_of(core, SINS, 600, None)
+    samples = samples_of(core, SINS, 300, None)
     assert samples.source == GENERATED
     result, _ = core.system.run_float64({port: values[:, 0] for port, values in samples.ports.items()})
     outputs = core.system.read(result)
     heading, pitch = np.unwrap(outputs["attitude"][:, 2], period=360), outputs["attitude"][:, 0]
-    assert heading[[240, -1]] - heading[0] == pytest.approx([50, -20], abs=0.1)
-    assert pitch[[0, 330, -1]] == pytest.approx([0, 10, -5], abs=0.1)
+    assert heading[[120, -1]] - heading[0] == pytest.approx([50, -20], abs=0.1)
+    assert pitch[[0, 165, -1]] == pytest.approx([0, 10, -5], abs=0.1)
     np.testing.assert_allclose(np.linalg.norm(outputs["velocity"], axis=1), 60, atol=0.1)
 
 
