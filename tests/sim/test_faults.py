@@ -197,6 +197,62 @@ def test_registers_that_are_ports_get_a_variable():
         [place.name for place in storage(MODULE, "QUAT_direct")]
 
 
+ENGINE = """
+module A_engine (
+  input wire clk,
+  output reg [3:0] number = 4'h1,
+  output reg done = 1'b0
+);
+
+  // Registers.
+  reg [4:0] word;
+  reg state = 1'b0;
+
+  // Combinational logic.
+  reg choice;
+  always @*
+    choice = state <= word[0];
+
+  always @(posedge clk)
+    (* rom_style = "block" *)
+    case (number)
+      4'h0: word <= 5'h11;  // the first line
+                            //   of two
+      4'h1: word <= 5'h02;
+      default: word <= 5'h00;
+    endcase
+
+  always @(posedge clk)
+    if (state <= 1'b0)
+      number <= {number[2:0], choice};
+    else begin
+      state <= 1'b1;
+      done <= done;
+    end
+endmodule
+"""
+
+
+def test_a_case_becomes_a_memory():
+    text = exposed(ENGINE)
+    assert """  reg [4:0] word_rom [0:1];
+  initial begin
+    word_rom[0] = 5'h11;
+    word_rom[1] = 5'h02;
+  end
+""" in text
+    assert """    (* rom_style = "block" *)
+    word <= word_rom[number__register];
+""" in text
+    assert "  output wire [3:0] number,\n  output wire done\n);" in text
+    assert "  reg done__register = 1'b0;\n" in text
+    assert [(place.kind, place.variable, place.rows, place.width) for place in storage(text, "A_engine")] == [
+        (ROM, "word_rom", 2, 5), (REGISTER, "done__register", 1, 1), (REGISTER, "number__register", 1, 4),
+        (REGISTER, "word", 1, 5), (REGISTER, "state", 1, 1)]
+    # Tables of operators are logic.
+    assert "case (number__register)" in exposed(ENGINE.replace("A_engine", "A_adder"))
+
+
 def test_cores_that_cannot_be_judged(make_core, tmp_path):
     with pytest.raises(ValueError, match=r"^INS_atan has neither attitude nor position, by which faults are judged$"):
         FaultModel(make_core("INS_atan", THESIS), tmp_path, tmp_path)

@@ -8,8 +8,27 @@ __all__ = ["MEMORY", "REGISTER", "ROM", "Storage", "exposed", "storage"]
 REGISTER, MEMORY, ROM = "register", "memory", "ROM"
 
 MODULE = re.compile(r"^(module (\w+).*?;\n)(.*?)(^endmodule)", re.MULTILINE | re.DOTALL)
-EXPOSED = "__register"
+DECLARED = re.compile(r"^  (output )?reg (?:\[(\d+):0\] )?(\w+)(?: \[(?:(\d+):0|0:(\d+))\])?( = [^;,\n]*)?([;,]?)$",
+                      re.MULTILINE)
+"""A register or a memory: whether it is a port, highest bit, name, last row, initial value."""
+
+ASSIGNED = re.compile(r"^ +(?:always @\(.*?\) )?(?:(?:else )?if \(.*\) |else |[\w'?, ]+: )?(\w+)(?:\[.*?\])* <= ",
+                      re.MULTILINE)
+INSTANCE = re.compile(r"^  (\w+) (\w+) \($", re.MULTILINE)
+
+COMMENTS = r"(?: *//.*\n)*"
+ROW = rf" *(?:\d+'[bh][0-9a-f]+|default): (?P=target) (?P=operator) \d+'[bh][0-9a-f]+;.*\n{COMMENTS}"
+TABLE = re.compile(rf"^( *)case \((.*)\)\n(?={COMMENTS} *\d+'[bh]0+: (?P<target>\w+) (?P<operator><?=) \d+')"
+                   rf"((?:{COMMENTS}{ROW})+) *endcase\n", re.MULTILINE)
+"""A ROM as a ``case``: indentation, address, target, operator, rows."""
+
+VALUE = re.compile(r"^ *\d+'[bh][0-9a-f]+: \w+ <?= (\d+)('[bh][0-9a-f]+);", re.MULTILINE)
+
+OWN = "__register"
 """What follows the name of a port in the name of its register in an exposed text."""
+
+TABLE_OWN = "_rom"
+"""What follows the name of a signal in the name of the ROM that it is read from."""
 
 
 class Storage(NamedTuple):
@@ -43,11 +62,13 @@ class Storage(NamedTuple):
     def name(self):
         """Instances below the top module and the variable, separated by dots."""
         name = self.path.partition("__DOT__")[2].replace("__DOT__", ".").replace("___05F", "__")
-        return name.removesuffix(EXPOSED)
+        return name.removesuffix(OWN)
 
 
 def storage(text: str, top: str) -> tuple[Storage, ...]:
     """All registers and memories of a module and those inside it, in the order of the text.
+
+    A ROM that is written as a ``case`` is a memory only in an ``exposed`` text.
 
     Parameters
     ----------
@@ -56,20 +77,19 @@ def storage(text: str, top: str) -> tuple[Storage, ...]:
     top : str
         The module.
     """
-    modules = {name: body for _, name, body, _ in MODULE.findall(text)}
+    modules = {name: head + body for head, name, body, _ in MODULE.findall(text)}
 
     def inside(module, path):
         body = modules[module]
-        clocked = _clocked(body)
-        declared = re.findall(r"^  reg (?:\[(\d+):0\] )?(\w+)(?: \[(\d+):0\])?(?: = .*)?;$", body, re.MULTILINE)
-        for high, name, last in declared:
-            if name == "initial_trigger" or not (last or name in clocked):
+        clocked = {*ASSIGNED.findall(body)} - {"initial_trigger"}
+        for _, high, name, *last, _, _ in DECLARED.findall(body):
+            rows = int(last[0] or last[1] or 0) + 1
+            if not (any(last) or name in clocked):
                 continue
-            kind = REGISTER if not last else MEMORY if name in clocked else ROM
+            kind = REGISTER if not any(last) else MEMORY if name in clocked else ROM
             # Verilator's spelling of two underscores.
-            yield Storage(kind, module, name, path + name.replace("__", "___05F"), int(last or 0) + 1,
-                          int(high or 0) + 1)
-        for inner, name in re.findall(r"^  (\w+) (\w+) \($", body, re.MULTILINE):
+            yield Storage(kind, module, name, path + name.replace("__", "___05F"), rows, int(high or 0) + 1)
+        for inner, name in INSTANCE.findall(body):
             if inner in modules:
                 yield from inside(inner, f"{path}{name}__DOT__")
 
@@ -77,24 +97,42 @@ def storage(text: str, top: str) -> tuple[Storage, ...]:
 
 
 def exposed(text: str) -> str:
-    """The same circuit, with a variable of its own for each register that is a port.
+    """The same circuit, with a variable for each register and each ROM of an engine.
 
-    Verilator may keep the contents of such a register in the port of an outer module only, so that they cannot be
-    changed in the register.
+    Verilator may keep the contents of a register that is a port in the port of an outer module only. A write to the
+    register would be lost. A ``case`` has no contents that could be changed; it becomes a memory.
     """
     def module(found):
-        head, _, body, end = found.groups()
-        ports = set(re.findall(r"^  output (?:\[\d+:0\] )?(\w+);$", body, re.MULTILINE))
-        for name in sorted(ports & _clocked(body)):
-            inner = name + EXPOSED
-            body = re.sub(rf"(?<![.\w']){name}\b", inner, body)
-            body = re.sub(rf"^(  output .*?){inner};$", rf"\1{name};", body, flags=re.MULTILINE)
-            body += f"  assign {name} = {inner};\n"
-        return head + body + end
+        head, name, body, end = found.groups()
+        clocked = {*ASSIGNED.findall(body)}
+        for port, high, register, *_, initial, _ in DECLARED.findall(head + body):
+            declared = f"reg {f'[{high}:0] ' if high else ''}{register}"
+            if not (register in clocked and (port or re.search(rf"^  output .*\b{register};$", body, re.MULTILINE))):
+                continue
+            inner = register + OWN
+            if port:
+                head = head.replace(f"output {declared}{initial}", "output " + declared.replace("reg", "wire", 1))
+                body = f"  {declared}{initial};\n{body}"
+            body = re.sub(rf"(?<![.\w']){register}\b", inner, body)
+            body = re.sub(rf"^(  output .*\b){inner};$", rf"\1{register};", body, flags=re.MULTILINE)
+            body += f"  assign {register} = {inner};\n"
+        return head + (_with_memories(body) if name.endswith("_engine") else body) + end
 
     return MODULE.sub(module, text)
 
 
-def _clocked(body):
-    """Names that a module assigns at clock edges."""
-    return set(re.findall(r"^ .*?(\w+)(?:\[.*\])? <= ", body, re.MULTILINE))
+def _with_memories(body):
+    """A body with memories in place of its tables of constants."""
+    memories = []
+
+    def memory(found):
+        indent, address, target, operator, rows = found.groups()
+        values = VALUE.findall(rows)
+        (width, _), *_ = values
+        name = target.removesuffix(OWN) + TABLE_OWN
+        memories.append(f"  reg [{int(width) - 1}:0] {name} [0:{len(values) - 1}];\n  initial begin\n" + "".join(
+            f"    {name}[{row}] = {width}{value};\n" for row, (width, value) in enumerate(values)) + "  end\n")
+        return f"{indent}{target} {operator} {name}[{address}];\n"
+
+    body = TABLE.sub(memory, body)
+    return "".join(memories) + body
