@@ -18,7 +18,7 @@ from strapdown_lab.checkout import block
 from strapdown_lab.report import plots
 from strapdown_lab.report.anchors import OPERATOR_ANCHORS, best_known
 from strapdown_lab.report.cores import CORES, simulated_cycles
-from strapdown_lab.report.measure import core_circuit, measure, operator_design
+from strapdown_lab.report.measure import Design, core_circuit, measure, operator_design
 from strapdown_lab.report.operators import MEASURED
 from strapdown_lab.report.plots import core_plot, operator_plot
 from strapdown_lab.report.tables import core_table, operator_tables
@@ -77,6 +77,11 @@ def test_operator_table():
 def test_core_table_gives_the_time_of_an_update():
     row = core_table({"cores": [CORE]}).splitlines()[-1]
     assert row == "| `INS_top` | `thesis` | 279 | 2,556 | 180 | 1,750 | 2 | 1.5 | 80 | 3.49 |"
+
+
+def test_core_table_shows_asynchronous_paths_where_they_were_counted():
+    table = core_table({"cores": [CORE, CORE | {"asynchronous_paths": 3}]}).splitlines()
+    assert [line.rpartition(" | ")[2] for line in table] == ["asynchronous paths |", "---: |", "– |", "3 |"]
 
 
 def test_pictures_are_equal_for_equal_figures(tmp_path):
@@ -143,6 +148,25 @@ def test_measured_operators_are_json(tmp_path):
     assert 0 < row["xc7"]["lut"] < 100
 
 
+def test_asynchronous_paths_are_counted(tmp_path):
+    _needs_yosys()
+    unsafe = """
+        module unsafe(input clk, input clear, input [9:0] value, output reg [31:0] word);
+          reg [31:0] memory [0:1023];
+          reg [9:0] address;
+          always @(posedge clk or posedge clear) if (clear) address <= 0; else address <= address + value;
+          always @(posedge clk) begin
+            memory[value] <= word + value;
+            word <= memory[address];
+          end
+        endmodule
+        """
+    designs = [Design({}, unsafe, "unsafe", placed=False, walked=walked) for walked in (True, False)]
+    counted, not_counted = measure(designs, Cache(tmp_path), place=False)
+    assert counted["asynchronous_paths"] == 10  # one register, ten bits of the address
+    assert "asynchronous_paths" not in not_counted
+
+
 def test_cycles_are_counted_in_a_simulation(models, tmp_path, make_core):
     core = make_core("INS_atan", THESIS)
     path = write_core(core, THESIS, tmp_path, "")
@@ -179,6 +203,10 @@ def test_figures_of_cores_are_of_these_circuits(figures, make_core):
     found = {(entry.module, entry.config.name): core_circuit(make_core(entry.module, entry.config), entry.config)
              for entry in CORES}
     assert known == {key: digest(circuit) for key, circuit in found.items()}, "make report measures them again"
+
+
+def test_no_core_has_an_asynchronous_path(figures):
+    assert {row["config"] for row in figures["cores"]["cores"] if row.get("asynchronous_paths")} == set()
 
 
 def test_figures_of_operators_are_of_these_circuits(figures):

@@ -14,6 +14,7 @@ from strapdown_lab.synthesis import (
     ECP5_OPTIONS,
     ECP5_SEEDS,
     XC7_OPTIONS,
+    asynchronous_paths,
     place_ecp5,
     synthesise_xc7,
     tool_versions,
@@ -29,12 +30,25 @@ __all__ = ["Design", "core_circuit", "core_design", "measure", "operator_design"
 
 @dataclass(frozen=True)
 class Design:
-    """A design to measure: its facts, its Verilog, its top module, and a flag for place and route."""
+    """A design to measure.
+
+    Attributes
+    ----------
+    facts : dict
+        What is known of it, as JSON values.
+    verilog, top : str
+        Its text, and its top module.
+    placed : bool
+        Whether it is placed and routed.
+    walked : bool
+        Whether its netlist is searched for paths from asynchronous controls to RAM and DSP blocks.
+    """
 
     facts: dict
     verilog: str = field(repr=False)
     top: str
     placed: bool = True
+    walked: bool = False
 
 
 def operator_design(entry: MeasuredOperator) -> Design:
@@ -75,8 +89,7 @@ def core_design(entry: CoreEntry, build: Path) -> Design:
         raise RuntimeError(f"{entry.module} says {core.latency} cycles and takes {counted}")
     return Design({
         "module": entry.module, "config": entry.config.name, "latency": counted[0], "cycles": counted[1],
-        "verilog_sha256": digest(text)}, text, entry.module,
-        entry.placed)
+        "verilog_sha256": digest(text)}, text, entry.module, entry.placed, walked=True)
 
 
 def provenance(*, place):
@@ -114,11 +127,16 @@ def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True,
                 for answer in answers.values():
                     answer.add_done_callback(lambda _: progress and progress())
                 running.append((design, answers))
-            return [{**design.facts, **{name: answer.result() for name, answer in answers.items()}}
+            rows = [{**design.facts, **{name: answer.result() for name, answer in answers.items()}}
                     for design, answers in running]
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+    # The netlist is a result of the synthesis, so this runs no tool.
+    for row, (design, _) in zip(rows, running, strict=True):
+        if design.walked:
+            row["asynchronous_paths"] = len(asynchronous_paths(design.verilog, design.top, cache))
+    return rows
 
 
 def _xc7(design, cache):

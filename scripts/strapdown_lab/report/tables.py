@@ -61,6 +61,10 @@ def core_table(report):
         head.append("µs per update:")
         for cells, row in zip(rows, report["cores"], strict=True):
             cells.append(f"{microseconds(row):.2f}" if "ecp5" in row else "–")
+    if any("asynchronous_paths" in row for row in report["cores"]):
+        head.append("asynchronous paths:")
+        for cells, row in zip(rows, report["cores"], strict=True):
+            cells.append(row.get("asynchronous_paths", "–"))
     return markdown_table(head, rows)
 
 
