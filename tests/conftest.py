@@ -28,22 +28,24 @@ def models():
     return ROOT / "build" / "sim" / "verilated"
 
 
+def beside_the_checkout(name):
+    """A folder of ``../shared``; skips the test if it is absent."""
+    folder = ROOT.parent / "shared" / name
+    if not folder.is_dir():
+        pytest.skip(f"There is no folder shared/{name} beside this checkout, so its recordings are not replayed.")
+    return folder
+
+
 @pytest.fixture(scope="session")
 def shared_recordings():
     """Folder of the third-party recordings beside the project; skips the test if it is absent."""
-    folder = ROOT.parent / "shared" / "recordings"
-    if not folder.is_dir():
-        pytest.skip("The third-party recordings are not beside this checkout, so they are not replayed.")
-    return folder
+    return beside_the_checkout("recordings")
 
 
 @pytest.fixture(scope="session")
 def shared_cases():
     """Folder of small recordings with known right answers beside the project; skips the test if it is absent."""
-    folder = ROOT.parent / "shared" / "cases"
-    if not folder.is_dir():
-        pytest.skip("The recordings of special cases are not beside this checkout, so they are not tried.")
-    return folder
+    return beside_the_checkout("cases")
 
 
 @pytest.fixture(scope="session")
