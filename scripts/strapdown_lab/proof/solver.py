@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from amaranth import *
@@ -127,6 +128,7 @@ def prove(prop, directory):
         (directory / "hold.smtc").write_text(_hold(prop, (directory / "top.smt2").read_text()))
         constraints = ["--smtc", "hold.smtc"]
 
+    _prepare(prop.solver)
     # smtbmc counts states, one more than edges. If the whole problem is unrolled and simplified, two copies with the
     # same operands give the same term.
     look = ["--unroll", "--noincr", "-s", prop.solver, "-t", str(prop.depth + 1)]
@@ -138,6 +140,12 @@ def prove(prop, directory):
     report = "" if proved and reached else "\n".join(
         line for line in (cover if proved else report).splitlines() if "Checking" not in line)
     return Outcome(proved, reached, time.monotonic() - began, report)
+
+
+@cache
+def _prepare(solver):
+    """Run a solver once. Its first run after the installation prints a message, where smtbmc expects an answer."""
+    subprocess.run([tool(EXECUTABLES[solver]), "--version"], capture_output=True, check=False)
 
 
 def _hold(prop, smt2):
