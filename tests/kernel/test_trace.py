@@ -79,3 +79,11 @@ def test_operations_know_their_section_and_their_kernel_line(xp):
 def test_unknown_section_is_refused(xp):
     with pytest.raises(ValueError, match=r"^section must be one of FIRST, SECOND, not 'THIRD'$"), xp.section("THIRD"):
         pass
+
+
+def test_a_graph_can_be_shown(xp):
+    # 2^20 paths lead from the last of these sums to the input.
+    value = xp.source("input", "x")
+    for _ in range(20):
+        value = value + value
+    assert len(repr(graph(xp, a=value))) < 20_000

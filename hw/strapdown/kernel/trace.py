@@ -38,7 +38,8 @@ class Node:
     """
 
     operation: str
-    operands: tuple["Operand", ...] = ()
+    # Not in the representation: a value has as many paths to the inputs as the product of its operations' operands.
+    operands: tuple["Operand", ...] = field(default=(), repr=False)
     label: str = ""
     value: float = 0.0
     section: str = ""
