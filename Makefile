@@ -13,7 +13,7 @@ SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim report compare formal exhaustive mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog test sim report families compare formal exhaustive mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -47,9 +47,13 @@ test: setup icarus ## Run all tests, except the benches that only `make sim` run
 sim: setup ## Run every module's cocotb bench in SIM=icarus or verilator; WAVES=1 keeps waveforms.
 	WAVES=$(WAVES) $(PYTEST) tests/sim/test_benches.py -k $(SIM)
 
-report: $(VENV)/ready-report ## Synthesise, place and route operators and cores; figures for `make docs` in docs/report.
+report: $(VENV)/ready-report families ## Synthesise, place and route operators and cores; figures for `make docs` in docs/report.
 	$(BIN)/strapdown report --output build/report
 	mkdir -p docs/report && cp build/report/*.json build/report/*.png docs/report
+
+families: $(VENV)/ready-report ## Synthesise, place and route all configurations for several FPGA families; part of `make report`.
+	$(BIN)/strapdown families --output build/families
+	mkdir -p docs/report && cp build/families/families.json docs/report
 
 compare: $(VENV)/ready-report ## Compare the cores with those of the commit BASE: cycles, resources, clock frequency.
 	$(BIN)/strapdown compare $(BASE) --output build/compare

@@ -164,6 +164,17 @@ def report(words, place):
     assert (place.folder / "build" / "report" / "report.md").exists()
 
 
+def families(words, place):
+    """The results of the tools are invented, and no circuit is made; tests/lab/test_families.py makes one."""
+    place.stand_in("strapdown_lab.report.families.circuit", lambda variant: (
+        {"config": variant.config.name, "operand_memory": "", "module": "TOP", "cycles": 1}, "module TOP();"))
+    place.stand_in("strapdown_lab.report.families.synthesise", lambda *given, place, **options: {
+        "lut": 1, "ff": 1, "dsp": 0, "bram": 0, "fits": True})
+    place.stand_in("strapdown_lab.report.families.tool_versions", lambda *packages: dict.fromkeys(packages, "1"))
+    place.invoke(main, words[1:])
+    assert "1 / 0 / 0, fits" in (place.folder / "build" / "families" / "families.md").read_text(encoding="utf-8")
+
+
 def accuracy(words, place):
     """No recording: the command ends with one line. Other tests check the filters."""
     place.monkeypatch.chdir(place.folder)
@@ -231,6 +242,8 @@ def recipe(words, place):
         case ["strapdown", "compare", *rest]:
             # tests/lab/test_compare.py runs the command.
             assert place.invoke(main, ["compare", *rest, "--help"]).startswith("Usage:")
+        case ["strapdown", "families", *rest]:
+            families(["strapdown", "families", "--family", "7-series", "--config", "quaternion_j2", *rest], place)
         case ["strapdown", "accuracy", *rest]:
             accuracy(["strapdown", "accuracy", *rest], place)
         case ["strapdown", *rest]:
@@ -249,7 +262,8 @@ def recipe(words, place):
             raise AssertionError(f"no rule for {other}")
 
 
-OWN = {"demo", "verilog", "report", "compare", "formal", "exhaustive", "mutants", "faults", "accuracy", "docs"}
+OWN = {"demo", "verilog", "report", "families", "compare", "formal", "exhaustive", "mutants", "faults", "accuracy",
+       "docs"}
 """Targets whose recipes call commands of the project; others call tools, which `make -n` shows."""
 
 RULES = {
@@ -259,6 +273,7 @@ RULES = {
     r"strapdown monitor /dev/ttyUSB0 .*": serial,
     r"strapdown monitor .*": strapdown,
     r"strapdown report .*": report,
+    r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*)": with_names,
     r"strapdown (?:generate|replay|explain|schedule|design|link|operators) .*": strapdown,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),

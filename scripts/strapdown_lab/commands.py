@@ -1,4 +1,4 @@
-"""Commands that the laboratory adds to ``strapdown``: report and accuracy."""
+"""Commands that the laboratory adds to ``strapdown``: report, families, compare and accuracy."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,14 +18,15 @@ from strapdown_sim.recordings import RecordingError
 from .report.compare import CommitError, comparison_table, earlier_circuits, present_circuits
 from .report.compare import compare as compare_circuits
 from .report.cores import CORES
+from .report.families import VARIANTS, measure_families
 from .report.measure import core_design, measure, operator_design, provenance
 from .report.operators import MEASURED
-from .report.report import write_cores, write_json, write_operators, write_page
+from .report.report import write_cores, write_families, write_json, write_operators, write_page
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
-from .synthesis import ToolMissingError
+from .synthesis import FAMILIES, ToolMissingError
 
-__all__ = ["accuracy", "compare", "report"]
+__all__ = ["accuracy", "compare", "families", "report"]
 
 
 @click.command()
@@ -77,6 +78,35 @@ def report(operators, cores, only, config_names, place, output, build):
         if "operators" in reports:
             write_operators(folder, reports["operators"])
         path = write_page(folder, **reports)
+    click.echo(output / path.name)
+
+
+@click.command()
+@click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
+              help="Measure only this configuration. May be repeated.")
+@click.option("--family", "family_names", type=click.Choice([family.name for family in FAMILIES]), multiple=True,
+              help="Measure only in this family. May be repeated.")
+@click.option("--place/--no-place", default=True, show_default=True, help="Place and route, for the clock frequency.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/families"),
+              show_default=True, help="Folder for families.json and families.md.")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder that keeps the results of the tools.")
+def families(config_names, family_names, place, output, build):
+    """Synthesise the configurations for several FPGA families, and place and route them where a free router exists.
+
+    Results are kept: an interrupted run continues where it stopped.
+    """
+    variants = [variant for variant in VARIANTS if not config_names or variant.config.name in config_names]
+    chosen = [family for family in FAMILIES if not family_names or family.name in family_names]
+    try:
+        with progress_bars() as bars:
+            task = bars.add_task("families", total=sum(len(variant.families(chosen)) for variant in variants))
+            result = measure_families(variants, chosen, Cache(build / "report" / "cache"), place=place,
+                                      progress=partial(bars.advance, task))
+    except ToolMissingError as error:
+        raise UserError(str(error)) from None
+    with writing(output), written_together(output) as folder:
+        path = write_families(folder, result)
     click.echo(output / path.name)
 
 

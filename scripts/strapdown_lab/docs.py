@@ -33,6 +33,7 @@ from strapdown.design import METHODS
 from .checkout import ROOT, write_blocks
 from .faults.tables import cores_table, places_tables
 from .markdown import markdown_table
+from .report.families import family_lines, family_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 from .studies.accuracy import figure_table
@@ -184,6 +185,12 @@ def report_blocks():
             "operators": operator_tables(operators)}
 
 
+def family_blocks():
+    """Tables of docs/families.md, by the name of their block."""
+    report = json.loads((ROOT / "docs" / "report" / "families.json").read_text(encoding="utf-8"))
+    return {"families": family_table(report), "family flows": family_lines(report)}
+
+
 def accuracy_blocks():
     """Tables of docs/flight.md, by the name of their block."""
     result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text())
@@ -228,6 +235,8 @@ def main():
     figures = ROOT / "docs" / "report"
     if (figures / "operators.json").exists() and (figures / "cores.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())
+    if (figures / "families.json").exists():
+        write_blocks(ROOT / "docs" / "families.md", family_blocks())
     if (figures / "accuracy.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
 

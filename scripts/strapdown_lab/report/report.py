@@ -2,12 +2,13 @@
 
 import json
 
+from .families import family_lines, family_table
 from .plots import core_plot, operator_plot
 from .tables import anchor_table, core_table, flow_lines, operator_tables
 
-__all__ = ["write_cores", "write_json", "write_operators", "write_page"]
+__all__ = ["write_cores", "write_families", "write_json", "write_operators", "write_page"]
 
-CORES_FILE, OPERATORS_FILE, PAGE = "cores.json", "operators.json", "report.md"
+CORES_FILE, FAMILIES_FILE, OPERATORS_FILE, PAGE = "cores.json", "families.json", "operators.json", "report.md"
 CORE_PICTURE, OPERATOR_PICTURE = "cores.png", "operators.png"
 
 
@@ -23,6 +24,14 @@ def write_cores(directory, report):
     write_json(directory / CORES_FILE, report)
     if "ecp5" in report:
         core_plot(directory / CORE_PICTURE, report)
+
+
+def write_families(directory, report):
+    """Write families.json and a page with its table; returns the page's path."""
+    write_json(directory / FAMILIES_FILE, report)
+    path = directory / "families.md"
+    path.write_text(f"# FPGA families\n\n{family_table(report)}\n\n{family_lines(report)}\n", encoding="utf-8")
+    return path
 
 
 def write_json(path, report):

@@ -1,5 +1,6 @@
-"""Resources of a Verilog module: cells of a 7-series part, and clock frequency on an ECP5."""
+"""Resources of a Verilog module in several FPGA families, and its clock frequency on those with a free router."""
 
 from .ecp5 import *
+from .families import *
 from .tools import *
 from .xc7 import *

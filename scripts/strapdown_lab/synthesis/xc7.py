@@ -13,9 +13,11 @@ from tempfile import TemporaryDirectory
 
 from strapdown_sim.cache import Cache
 
+from .cells import resources
 from .tools import run_yosys, tool_versions
 
-__all__ = ["XC7_OPTIONS", "Xc7Resources", "asynchronous_paths", "netlist_xc7", "synthesise_xc7"]
+__all__ = ["XC7_OPTIONS", "XC7_SIZES", "XC7_UNCOUNTED", "Xc7Resources", "asynchronous_paths", "netlist_xc7",
+           "synthesise_xc7"]
 
 XC7_OPTIONS = "-family xc7 -flatten -abc9"
 """Options of ``synth_xilinx``."""
@@ -23,16 +25,21 @@ XC7_OPTIONS = "-family xc7 -flatten -abc9"
 _COUNTS, _MAPPED, _NETLIST = "stat.json", "mapped.json", "netlist.v"
 
 # LUTs of a memory cell: Xilinx UG474, tables 2-3 and 2-4. Dual-port RAM has a LUT for each port.
-_MEMORY_LUTS = {
+_MEMORY_LUTS: dict[str, float] = {
     "SRL16E": 1, "SRLC32E": 1,
     "RAM32X1S": 1, "RAM64X1S": 1, "RAM128X1S": 2, "RAM256X1S": 4,
     "RAM32X1D": 2, "RAM64X1D": 2, "RAM128X1D": 4, "RAM32M": 4, "RAM64M": 4,
 }
-_LOGIC_LUTS = dict.fromkeys(("INV", *(f"LUT{inputs}" for inputs in range(1, 7))), 1)
-_REGISTERS = {kind + edge: 1 for kind in ("FDRE", "FDSE", "FDCE", "FDPE") for edge in ("", "_1")}
-_BLOCK_RAMS = {"RAMB36E1": 1, "RAMB18E1": 0.5}
+_LOGIC_LUTS: dict[str, float] = dict.fromkeys(("INV", *(f"LUT{inputs}" for inputs in range(1, 7))), 1)
+_REGISTERS: dict[str, float] = {kind + edge: 1 for kind in ("FDRE", "FDSE", "FDCE", "FDPE") for edge in ("", "_1")}
+_BLOCK_RAMS: dict[str, float] = {"RAMB36E1": 1, "RAMB18E1": 0.5}
+XC7_SIZES: dict[str, dict[str, float]] = {
+    "lut": _LOGIC_LUTS | _MEMORY_LUTS, "memory_lut": _MEMORY_LUTS, "ff": _REGISTERS, "dsp": {"DSP48E1": 1},
+    "bram": _BLOCK_RAMS}
+"""Maps each resource to the cells that take it, and these to the amount that one takes."""
+
 # Carry chains and wide multiplexers belong to the LUTs beside them; buffers and hierarchy markers are not logic.
-_UNCOUNTED = {"CARRY4", "MUXF7", "MUXF8", "BUFG", "IBUF", "OBUF", "$scopeinfo"}
+XC7_UNCOUNTED = {"CARRY4", "MUXF7", "MUXF8", "BUFG", "IBUF", "OBUF", "$scopeinfo"}
 
 _CLOCKED = {*_REGISTERS, *_BLOCK_RAMS, "DSP48E1"}
 _ASYNCHRONOUS = {"FDCE": "CLR", "FDPE": "PRE", "FDCE_1": "CLR", "FDPE_1": "PRE"}
@@ -70,15 +77,7 @@ class Xc7Resources:
     @classmethod
     def of_cells(cls, cells):
         """Resources of a dict from cell types to counts. Raises: ValueError for a cell that it cannot count."""
-        known = {*_LOGIC_LUTS, *_MEMORY_LUTS, *_REGISTERS, *_BLOCK_RAMS, *_UNCOUNTED, "DSP48E1"}
-        if unknown := sorted(set(cells) - known):
-            raise ValueError(f"cells of no known size: {', '.join(unknown)}")
-
-        def total(sizes):
-            return sum(size * cells.get(kind, 0) for kind, size in sizes.items())
-
-        return cls(lut=total(_LOGIC_LUTS) + total(_MEMORY_LUTS), memory_lut=total(_MEMORY_LUTS), ff=total(_REGISTERS),
-                   dsp=cells.get("DSP48E1", 0), bram=total(_BLOCK_RAMS))
+        return cls(**resources(cells, XC7_SIZES, XC7_UNCOUNTED))
 
 
 def synthesise_xc7(verilog: str, top: str, cache: Cache) -> Xc7Resources:

