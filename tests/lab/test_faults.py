@@ -200,7 +200,7 @@ def test_300_flips_of_the_core_of_the_thesis(models, make_core, tmp_path):
         pytest.skip(str(error))
     # The ROM and the constants are left out as long as their faults cannot be undone.
     assert [fault for fault in harmful(report, THESIS) if fault["place"] not in (
-        "engine.microcode", "engine.operands")] == []
+        "engine.microcode", "engine.operands") or fault["outcome"] != "STUCK"] == []
     outcomes = sum((Counter(place["outcomes"]) for place in report["places"]), Counter())
     assert outcomes.total() == 300
     assert outcomes["MASKED"] > 150

@@ -146,8 +146,9 @@ class Engine(SystemComponent):
         one ahead of that. While the engine is idle, the first word is fetched in every cycle. The engine is ``primed``
         when the ROM has output this word, at the first edge without a reset.
 
-        A second counter counts the remaining cycles down to -1. An update whose program ends in another cycle is
-        not ``complete``: a counter or the state was upset. Both counters are set while no update runs.
+        A second counter counts the remaining cycles down to -1, and then the update ends. An update whose program ends
+        in another cycle is not ``complete``: a counter, the state or the ROM is wrong. Both counters are set while no
+        update runs.
         """
         program = self._program
         start, finish = (getattr(self, name) for name in (self._system.start, self._system.finish))
@@ -169,13 +170,14 @@ class Engine(SystemComponent):
         with m.If(taken):
             m.d.sync += [state.eq(IDLE + 1), finish.eq(0)]
         with m.Elif(running):
-            m.d.sync += state.eq(Mux(due, END, state + word.advance))
+            # Only the second counter ends an update. If the program comes to its end before, it is wrong.
+            m.d.sync += state.eq(Mux(due, END, Mux(last, IDLE + 1, state + word.advance)))
         with m.Else():
             # Also from codes that stand for no state.
             m.d.sync += state.eq(IDLE)
         with m.If(ending):
             m.d.sync += finish.eq(1)
-        return Control(start, idle, taken, running & ~(last | due), ending, complete, fetched, word,
+        return Control(start, idle, taken, running & ~due, ending, complete, fetched, word,
                        bank=Signal(name="bank"), fresh=Signal(name="fresh", init=1))
 
     def _word(self, m, control):
