@@ -117,8 +117,8 @@ def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
     """
     pitch = DEGREES * xp.atan2(-c13, cosine)
     yaw = DEGREES * xp.atan2(c12, c11)
-    roll = DEGREES * xp.atan2(c23, c33)
     yaw = xp.select(yaw + 2.0**-15 < 0.0, yaw + 360, xp.maximum(yaw, 0.0))
+    roll = DEGREES * xp.atan2(c23, c33)
     return pitch, roll, yaw
 
 
@@ -133,8 +133,8 @@ def matrix_angles(xp, c):
     (_, _, c13), (c21, c22, c23), (c31, c32, c33) = c
     square = dot((c23, c33), (c23, c33))
     pole = square < SHORTEST_SQUARE
-    north = xp.select(pole, c22, c33 * c22 - c23 * c32)
-    west = xp.select(pole, -c21, c23 * c31 - c33 * c21)
+    north, west = c33 * c22 - c23 * c32, c23 * c31 - c33 * c21
+    north, west = xp.select(pole, c22, north), xp.select(pole, -c21, west)
     pitch, roll, yaw = euler_angles(xp, north, west, c13, xp.sqrt(square), c23, c33)
     return pitch, xp.select(pole, 0.0, roll), yaw
 
