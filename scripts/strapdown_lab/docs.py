@@ -37,6 +37,7 @@ from .report.families import family_lines, family_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 from .studies.accuracy import figure_table
+from .studies.airliner import airliner_table
 from .studies.flight_parts import parts_table
 from .studies.pole import POLE_CORES, pole_errors
 
@@ -205,6 +206,11 @@ def faults_blocks():
     return {"cores": cores_table(reports), "places": places_tables(reports)} if reports else {}
 
 
+def airliner_block():
+    """Table of the position errors of SINS_top after an hour of flight."""
+    return airliner_table(json.loads((ROOT / "docs" / "report" / "airliner.json").read_text(encoding="utf-8")))
+
+
 def parts_block():
     """Table of the parts of the flight filter."""
     return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
@@ -245,6 +251,8 @@ def main():
         write_blocks(ROOT / "docs" / "families.md", family_blocks())
     if (figures / "accuracy.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
+    if (figures / "airliner.json").exists():
+        write_blocks(ROOT / "docs" / "sins.md", {"airliner": airliner_block()})
     if (figures / "flight_parts.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"parts": parts_block()})
 

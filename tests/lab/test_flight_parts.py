@@ -9,7 +9,9 @@ from strapdown.cores import FLIGHT
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_lab.studies import flight_parts
-from strapdown_sim.recordings import Recording, ReferenceOrientation
+from strapdown_sim.recordings import Recording, Reference
+
+RATE_HZ, COUNT = 100.0, 1000
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +30,19 @@ def test_another_equation_has_another_digest(monkeypatch):
     before = flight_parts.parts_digest()
     monkeypatch.setattr(flight_parts, "FLIGHT", FLIGHT.replace(accelerometer_gain=0.51))
     assert flight_parts.parts_digest() != before
+
+
+def test_a_variant_without_bias_turns_with_the_gyros_error():
+    """Ten seconds at rest with an error of the gyro about the vertical, without magnetometer."""
+    time_s = np.arange(COUNT) / RATE_HZ
+    truth = Reference(time_s, np.tile((1.0, 0, 0, 0), (COUNT, 1)), np.ones(COUNT, dtype=bool), "NWU",
+                      heading_known=True)
+    level = Recording("level", RATE_HZ, time_s, np.tile((0, 0, 1.0), (COUNT, 1)),
+                      np.tile((0, 0, 9.81), (COUNT, 1)), None, "m/s^2", None, truth)
+    learnt, not_learnt = (flight_parts.scores([level], flight_parts.PARTS[name])["level"]
+                          for name in ("all", "without any bias"))
+    assert learnt["total"] < 0.7 < 2 < not_learnt["total"]
+    assert learnt["inclination"] < 1e-3
 
 
 def test_the_table_in_the_docs_is_that_of_the_figures(root):

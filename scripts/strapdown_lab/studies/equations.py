@@ -6,11 +6,14 @@ __all__ = ["equations_digest"]
 
 
 def equations_digest(system, pool):
-    """SHA-256 of the operations of a system in a pool, which do not depend on the schedule or the text of a circuit."""
+    """SHA-256 of the operations of a pool that compute the next state of a system, with their constants.
+
+    It does not change with the order of operations that do not depend on each other, nor with the outputs that are no
+    state, nor with the schedule or the text of a circuit.
+    """
     graph = system.trace(pool)
-    number = {node: index for index, node in enumerate(graph.nodes)}
-    lines = [" ".join((node.operation, node.label, float(node.value).hex(),
-                       *(f"{'-' * operand.negated}{number[operand.node]}" for operand in node.operands)))
-             for node in graph.nodes]
-    ends = [f"{name} {number[node]}" for name, node in (graph.outputs | graph.next_state).items()]
-    return digest("\n".join(lines + ends))
+    texts: dict = {}
+    for node in graph.nodes:
+        texts[node] = digest(node.operation, node.label, float(node.value).hex(),
+                             *(f"{operand.negated} {texts[operand.node]}" for operand in node.operands))
+    return digest(*(f"{word} {graph.state[word]!r} {texts[node]}" for word, node in graph.next_state.items()))
