@@ -241,7 +241,8 @@ def test_samples_are_counted_by_the_status_of_their_update(recording, tmp_path, 
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["refused_updates"] == 3
     assert summary["updates_by_status"] == {
-        "accelerometer_missing": 2, "magnetometer_missing": 4, "refused": 3, "ignored": 0}
+        "accelerometer_missing": 2, "magnetometer_missing": 4, "refused": 3, "ignored": 0,
+        "restarted": 0}
     for line in ("accelerometer missing +2", "magnetometer missing +4", "refused +3"):
         assert re.search(rf"^updates with status: {line}$", result.stdout, re.MULTILINE)
     assert "ignored" not in result.stdout
@@ -255,7 +256,7 @@ def test_rejected_and_out_of_range_samples_are_counted(recording, tmp_path, twin
     assert status["range_exceeded"] == 1
     assert "updates with status: range exceeded" in result.stdout
     assert set(status) == {"accelerometer_missing", "magnetometer_missing", "starting", "at_rest",
-                           "magnetometer_rejected", "range_exceeded", "refused", "ignored"}
+                           "magnetometer_rejected", "range_exceeded", "refused", "ignored", "restarted"}
 
 
 def test_an_update_that_is_always_refused_is_an_error(recording, tmp_path, twin):

@@ -86,7 +86,7 @@ OptionalStyle = Annotated[MemoryStyle | bool | None, BeforeValidator(_optional_s
 
 class Config(BaseModel):
     """Base of the configurations: a name, a description, a rate, the operators of the engine, its channels, the kinds
-    of its memories, and a clock enable.
+    of its memories, when it starts again, and a clock enable.
 
     A subclass adds its fields and says in ``systems`` which modules it configures.
     """
@@ -108,6 +108,12 @@ class Config(BaseModel):
         default=None, description="kind of the memory of the second result bus, or none; None: as in pool")
     microcode: Style = Field(
         default=None, description="kind of the ROM: auto, distributed or block; None: as in pool")
+
+    restart_after: int = Field(
+        default=8, ge=0, le=1_000,
+        description="updates, refused in a row although every input was finite, after which a core with a status port "
+                    "starts again from its reset state; 0: never")
+
     clock_enable: bool = Field(
         default=False, description="whether the core has a clock enable, the port ce; it counts enabled cycles only")
 

@@ -85,7 +85,8 @@ def test_an_update_of_ins_top_takes_no_more_cycles_than_its_budget(make_core, co
 def test_the_sequencer_walks_the_states_of_the_thesis(make_core):
     core = make_core("INS_top", THESIS)
     assert core.engine.state_names == ("IDLE", "ACC_MAG", "GYRO", "QUAT", "MATX", "EULER", "END")
-    assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "ignored")
+    assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "ignored",
+                                        "restarted")
 
 
 @pytest.mark.verilator

@@ -14,8 +14,13 @@ CONFIGS = {
     "two channels": QUATERNION_J2.replace(clock_enable="true", channels=2),
 }
 ROWS = 3000
-RELEASE = 3
-"""Edges after power-up, or after a reset, until a start is taken."""
+RESET = 2
+"""Edges after power-up, or after the end of a reset, until it no longer acts."""
+
+
+def release(core):
+    """Edges after power-up, or after the end of a reset, at which no start is taken."""
+    return RESET + core.engine.recovery
 
 
 @pytest.fixture(scope="module", params=CONFIGS)
@@ -62,30 +67,32 @@ def test_a_core_that_never_sees_a_reset_works(timed):
     finishes = powered[core.system.finish]
     assert (np.diff(finishes.astype(int)) == 1).sum() > ROWS / core.latency / 3
     first = np.flatnonzero(finishes)[0]
-    taken = RELEASE + np.flatnonzero(stimulus[core.system.start][RELEASE:])[0]
+    taken = release(core) + np.flatnonzero(stimulus[core.system.start][release(core):])[0]
     assert first == taken + 1 + core.latency
 
 
 @pytest.mark.verilator
 def test_the_first_start_that_is_taken(timed):
     core, model, stimulus = timed
-    for release in 0, 700:
-        for waits in range(RELEASE + 1):
-            rows = {name: np.array(values[:release + 3 * core.latency]) for name, values in stimulus.items()}
-            rows["rst_n"][max(release - 3, 0):release] = 0
-            rows[core.system.start][max(release - 3, 0):] = 0
-            rows[core.system.start][release + waits] = 1
+    edges = release(core)
+    assert edges == (3 if core.engine.channels == 1 else 2 + len(core.engine.program.constants))
+    for end in 0, 700:
+        for waits in range(edges + 1):
+            rows = {name: np.array(values[:end + 3 * core.latency]) for name, values in stimulus.items()}
+            rows["rst_n"][max(end - 3, 0):end] = 0
+            rows[core.system.start][max(end - 3, 0):] = 0
+            rows[core.system.start][end + waits] = 1
             answer = model.stream(rows)
-            finishes = np.flatnonzero(answer[core.system.finish][release:])
-            if waits < RELEASE:
+            finishes = np.flatnonzero(answer[core.system.finish][end:])
+            if waits < edges:
                 assert not finishes.size
             else:
                 assert finishes[0] == waits + 1 + core.latency
             if "ignored" in core.engine.status_names:
                 bit = core.engine.status_names.index("ignored")
-                ignored = answer[core.system.status_port][release:] >> bit & 1
+                ignored = answer[core.system.status_port][end:] >> bit & 1
                 assert not ignored[0]
-                assert ignored[RELEASE] == ignored[-1] == (waits < RELEASE)
+                assert ignored[edges] == ignored[-1] == (waits < edges)
 
 
 @pytest.mark.verilator
@@ -109,8 +116,8 @@ def test_with_a_clock_enable_enabled_edges_count(timed):
     expected = model.stream(stimulus)
     rng = np.random.default_rng(6)
     steps = rng.integers(1, 4, size=ROWS)
-    # The reset at power-up ends after three edges, enabled or not.
-    steps[:RELEASE] = 1
+    # The reset at power-up ends after two edges, enabled or not.
+    steps[:RESET + 1] = 1
     enabled = np.cumsum(steps) - 1
     held = {name: rng.integers(2, size=enabled[-1] + 1) for name in stimulus}
     held["ce"][:] = 0

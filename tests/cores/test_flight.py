@@ -67,7 +67,7 @@ def test_ports_by_configuration():
 def test_status_bits(make_core):
     assert make_core("INS_flight", FLIGHT).engine.status_names == (
         "accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
-        "range_exceeded", "refused", "ignored")
+        "range_exceeded", "refused", "ignored", "restarted")
 
 
 def test_an_update_takes_at_most_450_cycles(make_core):

@@ -6,7 +6,7 @@ import pytest
 from strapdown.cores import THESIS, THESIS_X8, main_module
 from strapdown.export import write_core
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
-from strapdown_sim.drivers.upsets import ALL, BIT, REGISTER, UpsetModel
+from strapdown_sim.drivers.upsets import ALL, BIT, POWER_UP, REGISTER, UpsetModel
 
 UPSETS = 300
 SEED = 20151
@@ -55,6 +55,19 @@ def test_the_update_after_an_upset_is_that_of_the_state_in_memory(model):
     kinds = np.random.default_rng(SEED).choice([BIT, REGISTER, ALL], p=[0.7, 0.2, 0.1], size=UPSETS)
     result, sample = upset(model, kinds)
     assert not result["waited"].any()
+    assert_the_update_is_that_of_the_state_in_memory(model, result, sample)
+
+
+@pytest.mark.verilator
+def test_a_reset_needs_no_contents_of_registers_and_memories(model):
+    """Random contents, a reset, and an update: that of the reset state, and so of all constants."""
+    result, sample = upset(model, np.full(UPSETS, POWER_UP))
+    constants = len(model.core.engine.program.constants) if model.core.engine.channels > 1 else 0
+    assert result["waited"].max() <= constants
+    for word, value in model.core.system.reset.items():
+        assert set(result[word]) == {value}
+    assert not any(result[port].any() for port in model.core.system.output_ports if port not in ("out_c11", "out_c22",
+                                                                                                 "out_c33"))
     assert_the_update_is_that_of_the_state_in_memory(model, result, sample)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from strapdown.cores import QUATERNION_J3, SINS, THESIS, THESIS_COMPACT, main_module, system_of
+from strapdown.cores.quaternion import quat_direct
 from strapdown.fp import BINARY16, BINARY32, BINARY64
 from strapdown.kernel import native
 from strapdown.kernel.native import NativeError, NativeTwin
@@ -88,6 +89,21 @@ def test_long_run_is_that_of_the_twin(config):
     got, after = model.run(inputs)
     assert_equal(fmt, got, wanted)
     assert_equal(fmt, after, state)
+    first, after = model.run({port: values[:100] for port, values in inputs.items()})
+    second, after = model.run({port: values[100:] for port, values in inputs.items()}, after)
+    assert_equal(fmt, {name: np.concatenate((first[name], second[name])) for name in wanted}, wanted)
+    assert_equal(fmt, after, state)
+
+
+def test_restarts_are_those_of_the_twin():
+    system, fmt = replace(quat_direct(QUATERNION_J3), restart_after=2), QUATERNION_J3.pool.format
+    rng = np.random.default_rng(3)
+    inputs = {port: fmt.array(rng.standard_normal(200)) for port in system.input_ports} | {"in_load_en": np.zeros(200)}
+    inputs["in_p"] = np.where(rng.random(200) < 0.5, 1e38, inputs["in_p"])
+    inputs["in_q"] = np.where(rng.random(200) < 0.2, np.nan, inputs["in_q"])
+    wanted, state = system.run(QUATERNION_J3.pool, inputs)
+    assert 10 < wanted["restarted"].sum() < wanted["refused"].sum() / 2
+    model = NativeTwin(system, QUATERNION_J3.pool)
     first, after = model.run({port: values[:100] for port, values in inputs.items()})
     second, after = model.run({port: values[100:] for port, values in inputs.items()}, after)
     assert_equal(fmt, {name: np.concatenate((first[name], second[name])) for name in wanted}, wanted)

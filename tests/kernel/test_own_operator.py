@@ -65,7 +65,7 @@ def test_results_on_their_way_to_a_reader_take_the_bus(config):
     xp = Tracer(pool, ("ONLY",))
     ports = [f"x{index}" for index in range(8)]
     x = [xp.source("input", port) for port in ports]
-    outputs = {f"y{index}": xp.settled(xp.distance(xp.distance(a, b) * 3.0, a * b) + a)
+    outputs = {f"y{index}": xp.settled(xp.distance(xp.distance(a, b) * b, a * b) + a)
                for index, (a, b) in enumerate(pairwise(x))}
     schedule = list_schedule(xp.graph(inputs=tuple(ports), outputs=outputs), UpdateMachine(pool))
     distances = [step for step in schedule.steps if step.unit == "distance"]

@@ -13,7 +13,7 @@ from strapdown.kernel.machine import StreamMachine
 from strapdown.kernel.modulo_scheduler import modulo_schedule
 from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
 from strapdown.kernel.pool import Pool
-from strapdown.kernel.program import NEXT, PLAIN, STATE, TURNED, StreamProgram
+from strapdown.kernel.program import CONSTANT, NEXT, PLAIN, STATE, TURNED, StreamProgram
 
 POOL, CHANNELS, INTERVAL = THESIS_X8.pool, THESIS_X8.channels, THESIS_X8.interval
 FORMAT = POOL.format
@@ -37,14 +37,24 @@ def program():
     return StreamProgram(modulo_schedule(SYSTEM.trace(POOL), StreamMachine(POOL), INTERVAL), CHANNELS)
 
 
+def program_bits(constants):
+    """Bits of the number of a constant, at least one."""
+    return max(len(constants) - 1, 1).bit_length()
+
+
 class Machine:
     """Runs words for successive updates; the result of a unit is stored by the cycle in which it comes out."""
 
     def __init__(self, program):
         self.program = program
-        self.main, self.side = list(program.initial), [0] * program.side_depth
+        # What the memories contain at first is never read, but for the constants: they are written before a sample.
+        rng = np.random.default_rng(8)
+        self.main, self.side = (rng.integers(1 << 32, size=depth).tolist()
+                                for depth in (program.depth, program.side_depth))
+        self.constants = [int(FORMAT.to_bits(value)) for value in program.constants]
+        self.main[program.upper:program.upper + len(self.constants)] = self.constants
         self.units = {unit.name: unit for unit in program.units}
-        self.coming = {}
+        self.coming, self.refreshed = {}, set()
         self.buses = {}
         # The values read from both memories in the previous cycle.
         self.operands = {(port, side): (0, 0) for port in program.read_ports for side in "ab"}
@@ -60,6 +70,8 @@ class Machine:
         period = (cycle - 1) // self.program.length
         if kind == PLAIN:
             return address
+        if kind == CONSTANT:
+            return address + period % (1 << program_bits(self.program.constants))
         if kind == TURNED:
             low = (1 << parameter) - 1
             return address & ~low | (address + period) & low
@@ -68,9 +80,10 @@ class Machine:
         if update is None:
             return None
         to_be = to_be or kind == NEXT
+        number = address & (1 << self.program.index_bits) - 1
         if update.fresh and not to_be:
-            return address | self.program.upper
-        return address | update.channel << 1 | update.bank ^ to_be
+            return self.program.upper + number
+        return address - number | update.channel << 1 | update.bank ^ to_be
 
     def cycle(self, cycle, begins):
         program, word = self.program, self.program.words[cycle % self.program.length]
@@ -81,6 +94,10 @@ class Machine:
             if name in word:
                 source = program.sources[name][word[name]["source"]]
                 value = int(self.coming.get((source, cycle), 0x7FC00000))
+                if source == "constant":
+                    number = self.address(word[name], cycle, begins) - program.upper
+                    value = self.constants[number] if number < len(self.constants) else 0x7FC00000
+                    self.refreshed.add(number)
                 self.buses[name, cycle] = value
         for name, unit in self.units.items():
             if not word.get("start", {}).get(name):
@@ -124,7 +141,8 @@ class Machine:
             if name in word:
                 address = self.address(word[name], cycle, begins, to_be=True)
                 if address is not None:
-                    assert (name, address) not in read
+                    # A constant may be read while the same number is written.
+                    assert (name, address) not in read or memory[address] == self.buses[name, cycle]
                     memory[address] = self.buses[name, cycle]
 
 
@@ -168,6 +186,7 @@ def check_words(system, program):
         state[channel] = 1 - bank, {word: twin[word] for word in program.graph.state}
         running.append((begin, channel))
     machine.run(begins)
+    assert len(machine.refreshed) == min(len(begins), 1 << program_bits(program.constants))
     for begin, twin in enumerate(expected):
         if twin is not None:
             for port, node in program.schedule.graph.outputs.items():

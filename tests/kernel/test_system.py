@@ -100,17 +100,25 @@ def test_a_reset_of_no_word_is_refused():
 
 
 def sequential(system, pool, inputs):
-    """The twin, sample by sample: (result, refused), the expected results of `run`."""
+    """The twin, sample by sample: (result, refused), the expected results of `run`. The rule of restarts is written
+    once more."""
     fmt = pool.format
     state = {word: fmt.array(value) for word, value in system.reset.items()}
     shown = {port: fmt.array(value) for port, value in system.trace(pool).reset_outputs.items()}
-    rows, refusals = [], []
+    rows, refusals, in_a_row = [], [], 0
     for sample in zip(*inputs.values(), strict=True):
         twin = system.update_twin(pool, dict(zip(inputs, sample, strict=True)), state)
         refused = bool(twin.get("refused", False))
         if not refused:
             state, shown = {word: twin[word] for word in state}, {port: twin[port] for port in shown}
-        rows.append(shown | state | {name: twin[name] and not refused for name in system.status})
+            in_a_row = 0
+        elif all(np.isfinite(sample)):
+            in_a_row += 1
+        restarted = in_a_row > 0 and in_a_row == system.restart_after
+        if restarted:
+            state, in_a_row = {word: fmt.array(value) for word, value in system.reset.items()}, 0
+        rows.append(shown | state | {name: twin[name] and not refused for name in system.status}
+                    | ({"restarted": restarted} if system.restart_after else {}))
         refusals.append(refused)
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}, refusals
 
@@ -136,10 +144,67 @@ def test_a_run_is_the_twin_sample_by_sample(name):
     assert result["refused"].tolist() == refused
     assert refused[0]
     assert result.keys() == expected.keys() | {"refused"}
+    assert ("restarted" in result) == (name != "sins_damped")
     for key, values in expected.items():
         assert result[key].dtype == values.dtype
         assert result[key].tobytes() == values.tobytes(), key
     assert all(state[key] == result[key][-1] for key in (*system.output_ports, *system.reset))
+
+
+def refused_inputs(system, shape):
+    """Numbers with many samples that overflow or have a NaN, so that restarts come at all distances."""
+    inputs = {port: RNG.standard_normal(shape) for port in system.input_ports} | {"in_load_en": np.zeros(shape)}
+    inputs["in_p"] = np.where(RNG.random(shape) < 0.6, 1e38, inputs["in_p"])
+    inputs["in_q"] = np.where(RNG.random(shape) < 0.2, np.nan, inputs["in_q"])
+    return inputs
+
+
+def test_a_run_with_restarts_is_the_twin_sample_by_sample():
+    system, pool = replace(quat_direct(QUATERNION_J3), restart_after=2), QUATERNION_J3.pool
+    inputs = refused_inputs(system, 60)
+    result, state = system.run(pool, inputs)
+    expected, _ = sequential(system, pool, inputs)
+    assert result["restarted"].sum() > 5
+    for key, values in expected.items():
+        assert result[key].tobytes() == values.tobytes(), key
+    cut = 1 + np.flatnonzero(result["refused"] & ~result["restarted"] & np.isfinite(inputs["in_q"]))[2]
+    first, middle = system.run(pool, {port: values[:cut] for port, values in inputs.items()})
+    second, last = system.run(pool, {port: values[cut:] for port, values in inputs.items()}, middle)
+    assert middle["refusals in a row"] == 1
+    assert last == state
+    for key, values in result.items():
+        assert values.tobytes() == np.concatenate((first[key], second[key])).tobytes(), key
+
+
+def test_runs_side_by_side_restart_by_themselves():
+    system, pool = replace(quat_direct(QUATERNION_J3), restart_after=2), QUATERNION_J3.pool
+    inputs = refused_inputs(system, (30, 3))
+    result, _ = system.run(pool, inputs)
+    assert result["restarted"].any(axis=0).all()
+    for lane in range(3):
+        expected, _ = sequential(system, pool, {port: values[:, lane] for port, values in inputs.items()})
+        assert all(result[key][:, lane].tobytes() == values.tobytes() for key, values in expected.items())
+
+
+def test_a_run_in_float64_restarts_as_well():
+    system = replace(INS_TOP, restart_after=3)
+    inputs = {port: RNG.standard_normal(9) for port in system.input_ports}
+    state = dict(system.reset) | {"ix": np.inf}
+    inputs["in_accx"][1] = np.nan
+    result, last = system.run_float64(inputs, state)
+    assert result["refused"].tolist() == [True] * 4 + [False] * 5
+    assert np.flatnonzero(result["restarted"]).tolist() == [3]
+    assert (result["q0"][3], result["c12"][3]) == (1, 0)
+    assert last["refusals in a row"] == 0
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"restart_after": -1}, r"^restart_after must be 0 or more, not -1$"),
+    ({"restart_after": 8, "status_port": ""},
+     r"^restart_after must be 0, not 8: INS_top has no state, or no status port and so no refused updates$")])
+def test_a_restart_needs_refusals(changes, message):
+    with pytest.raises(ValueError, match=message):
+        replace(INS_TOP, **changes)
 
 
 def test_a_run_goes_on_where_another_ended():
@@ -173,9 +238,9 @@ def test_wrong_predictions_cost_time_only(monkeypatch):
     expected, _ = INS_TOP.run(THESIS.pool, inputs)
     predicted = System._predicted
 
-    def wrong(self, dtype, inputs, state):
-        return {word: np.concatenate((values[:1], values[1:] + dtype.type(1)))
-                for word, values in predicted(self, dtype, inputs, state).items()}
+    def wrong(self, fmt, inputs, state, refusals):
+        return {word: np.concatenate((values[:1], values[1:] + fmt.dtype.type(1)))
+                for word, values in predicted(self, fmt, inputs, state, refusals).items()}
 
     monkeypatch.setattr(System, "_predicted", wrong)
     result, _ = INS_TOP.run(THESIS.pool, inputs)

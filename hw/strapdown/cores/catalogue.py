@@ -38,10 +38,12 @@ def system_of(module: str, config: Config) -> System:
     """Equations and interface of a module. Raises: ValueError if the configuration has no such module."""
     if module not in (modules := modules_of(config)):
         raise ValueError(f"configuration {config.name} has {', '.join(modules)}, not {module}")
-    systems = config.systems()
+    system = config.systems()[module.removesuffix(f"_x{config.channels}")](config)
+    if system.status_port and system.state:
+        # Without a status port no update is refused.
+        system = replace(system, restart_after=config.restart_after)
     if config.channels == 1:
-        return systems[module](config)
-    system = systems[module.removesuffix(f"_x{config.channels}")](config)
+        return system
     return replace(system, name=module, title=f"{system.title}, {config.channels} channels")
 
 

@@ -42,6 +42,10 @@ class SinsConfig(Config):
         description="largest rate; the coefficients are designed for it, and a larger one is out of range")
     force_max_m_s2: float = Field(default=160, gt=0, allow_inf_nan=False,
                                   description="largest specific force; a larger one is out of range")
+    restart_after: int = Field(
+        default=0, ge=0, le=1_000,
+        description="updates, refused in a row although every input was finite, after which the core waits for a load "
+                    "as after a reset; 0: never, because it would lose its position")
     pool: pydantic.InstanceOf[Pool] = Field(default=DOUBLE_POOL, description="operators of the engine")
 
     def systems(self):

@@ -2,6 +2,8 @@
 
 from collections import defaultdict
 
+from strapdown.kernel.machine import reads
+
 __all__ = ["explain_cycle", "explain_line", "kernel_line", "program_listing"]
 
 
@@ -15,7 +17,8 @@ def program_listing(program):
         parts = [f"{_unit(program, step, step.issue)}: {_operation(program, step)}" for step in started[cycle]]
         for step in written[cycle]:
             only = " (only after a reset)" if step.node.operation == "state" else ""
-            parts.append(f"{program.place(step.node)} := {_unit(program, step, step.write)}{only}")
+            value = f" {_operation(program, step)}" if step.unit == "constant" else ""
+            parts.append(f"{program.place(step.node)} := {_unit(program, step, step.write)}{value}{only}")
         if parts:
             origins = "; ".join(dict.fromkeys(kernel_line(step.node) for step in started[cycle] if step.node.origin))
             yield f"{cycle:4} {' | '.join(parts)}" + (f"  -- {origins}" if origins else "")
@@ -63,7 +66,7 @@ def kernel_line(node):
 def _by_cycle(program):
     started, written = defaultdict(list), defaultdict(list)
     for step in program.schedule.steps:
-        if step.unit != "input":
+        if step.unit in program.schedule.machine.unit:
             started[program.schedule.slot(step.issue)].append(step)
         if step.stored:
             written[program.schedule.slot(step.write)].append(step)
@@ -76,7 +79,7 @@ def _unit(program, step, cycle):
 
 
 def _operation(program, step):
-    if step.node.operation == "state":
-        return f"copy {program.graph.state[step.node.label]:g}"
-    operands = ", ".join("-" * read.operand.negated + program.operand_place(step, read) for read in program.reads(step))
+    if step.unit == "constant":
+        return f"{program.constant(step.node):g}"
+    operands = ", ".join("-" * read.operand.negated + program.operand_place(step, read) for read in reads(step.node))
     return f"{step.node.operation} {operands}"

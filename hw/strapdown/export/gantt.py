@@ -49,8 +49,8 @@ def schedule_picture(schedule, latency, title, path):
     units = [unit for unit in schedule.pool.units if any(step.unit == unit.name for step in schedule.steps)]
     buses = [name for bus, name in BUSES.items()
              if any(schedule.on_bus(step) and step.bus == bus for step in schedule.steps)]
-    rows = {name: row for row, name in enumerate(["input", *(unit.name for unit in units), *buses])}
-    intervals = {unit.name: unit.interval for unit in units} | {"input": 1}
+    rows = {name: row for row, name in enumerate(["input", "constant", *(unit.name for unit in units), *buses])}
+    intervals = {unit.name: unit.interval for unit in units} | {"input": 1, "constant": 1}
     colours = {section: f"C{index}" for index, section in enumerate(schedule.graph.sections)}
 
     figure = Figure(figsize=(14, 0.45 * len(rows) + 1.6), layout="constrained")
@@ -75,7 +75,7 @@ def schedule_picture(schedule, latency, title, path):
                    f"{interval}", loc="left")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(handles=[*(Patch(color=colour, label=section) for section, colour in colours.items()),
-                         Patch(color="0.55", label="inputs, reset values")],
+                         Patch(color="0.55", label="inputs, constants, reset values")],
                 ncols=len(colours) + 1, loc="lower right", bbox_to_anchor=(1, 1), frameon=False, fontsize="small")
     path = Path(path)
     figure.savefig(path, dpi=150, metadata={"Software": None} if path.suffix == ".png" else None)

@@ -1,16 +1,30 @@
-"""The common parts of the engines: memories, operand registers, operators and result buses."""
+"""The common parts of the engines: memories, constants, operand registers, operators and result buses."""
 
 from amaranth import *
 from amaranth.lib.memory import Memory
 
 from .operators import integer_bits
+from .pool import MemoryStyle
 
-__all__ = ["captured_inputs", "choose", "memory", "operand_registers", "operators"]
+__all__ = ["captured_inputs", "choose", "constants", "memory", "operand_registers", "operators"]
 
 
-def memory(program, depth, style, init=()):
-    """A memory of numbers."""
-    return Memory(shape=program.format.width, depth=depth, init=init, attrs=style.attributes("ram_style"))
+def memory(program, depth, style):
+    """A memory of numbers. An update reads only words that were written since the last reset."""
+    return Memory(shape=program.format.width, depth=depth, init=(), attrs=style.attributes("ram_style"))
+
+
+def constants(m, program, style):
+    """The ROM with the constants of a program, as the submodule ``constants``.
+
+    The tool makes it of LUTs, of one per bit up to 32 constants. More constants are in block RAM, if the operands are.
+    """
+    in_block = style is MemoryStyle.BLOCK and len(program.constants) > 32
+    m.submodules.constants = rom = Memory(
+        shape=program.format.width, depth=len(program.constants),
+        attrs=style.attributes("rom_style") if in_block else {},
+        init=[program.format.encode(value) for value in program.constants])
+    return rom
 
 
 def captured_inputs(m, component, program, taken):

@@ -8,7 +8,7 @@ from amaranth import *
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from .datapath import captured_inputs, choose, memory, operand_registers, operators
+from .datapath import captured_inputs, choose, constants, memory, operand_registers, operators
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .list_scheduler import list_schedule
 from .machine import UpdateMachine
@@ -17,7 +17,7 @@ from .program import UpdateProgram
 
 __all__ = ["Engine"]
 
-REFUSED, IGNORED = "refused", "ignored"
+REFUSED, IGNORED, RESTARTED = "refused", "ignored", "restarted"
 
 
 class Engine(SystemComponent):
@@ -51,7 +51,10 @@ class Engine(SystemComponent):
     finish, in every update. A new start can be taken at the next edge.
     State: kept in two banks. An update reads one bank and writes the other, and its last cycle makes the other bank
     the current one. An update is refused if it wrote NaN or infinity, in a system with a status port, or if its end
-    does not come in the last cycle of the schedule. A refused update does not change state and outputs.
+    does not come in the last cycle of the schedule. A refused update does not change state and outputs. After
+    ``system.restart_after`` updates that were refused in a row although every input was finite, the next update starts
+    from the reset state. A refused update with an input that is NaN or infinite does not change their count.
+    Memory: each update writes the constants, and after a reset the state, before it reads them.
     Upsets: from any contents of the registers the engine is idle within twice the latency, if no start comes; the next
     update takes the latency, and its results follow from the state in memory.
     """
@@ -117,6 +120,11 @@ class Engine(SystemComponent):
         return self._program.length + 2
 
     @property
+    def recovery(self):
+        """Cycles after a reset in which nothing is taken."""
+        return 1
+
+    @property
     def state_names(self):
         """States of the sequencer, in the order of their encoding."""
         return ("IDLE", *self._program.schedule.graph.sections, "END")
@@ -124,7 +132,9 @@ class Engine(SystemComponent):
     @property
     def status_names(self):
         """Names of the status bits, lowest first."""
-        return (*self._system.status, REFUSED, IGNORED) if self._system.status_port else ()
+        if not self._system.status_port:
+            return ()
+        return (*self._system.status, REFUSED, IGNORED, *([RESTARTED] if self._system.restart_after else []))
 
     def elaborate(self, platform):
         m = Module()
@@ -137,6 +147,8 @@ class Engine(SystemComponent):
         self._outputs(m, control, writes, commit)
         if self.status_names:
             self._status(m, control, writes, commit, special)
+        if self._system.restart_after:
+            self._restart(m, control, word, writes, commit)
         return m
 
     def _sequencer(self, m):
@@ -207,7 +219,7 @@ class Engine(SystemComponent):
         The operand memory is read before the edge and written at it, so ports need not be transparent.
         """
         program, pool, number = self._program, self._program.schedule.pool, self._program.format.layout
-        m.submodules.operands = operands = memory(program, program.depth, pool.operand_memory, program.initial)
+        m.submodules.operands = operands = memory(program, program.depth, pool.operand_memory)
         bus = Signal(number)
         if program.side_depth:
             m.submodules.side_memory = side_memory = memory(program, program.side_depth, pool.side_memory)
@@ -231,6 +243,10 @@ class Engine(SystemComponent):
         results |= captured
         results["other"] = other = Signal(number, name="other", reset_less=True)
         m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
+        if program.constants:
+            read = constants(m, program, pool.operand_memory).read_port()
+            m.d.comb += read.addr.eq(word.other)
+            results["constant"] = read.data
         choose(m, bus, word.write.source, [results[name] for name in program.sources["main"]])
         write = operands.write_port()
         m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(word.write.enable)]
@@ -250,8 +266,7 @@ class Engine(SystemComponent):
     def _conditions(self, m, word, bus, write, chooser):
         """The condition of a choice: the sign of a value, stored under the value's address."""
         program = self._program
-        m.submodules.signs = signs = Memory(shape=1, depth=program.depth,
-                                            init=[value >> (program.format.width - 1) for value in program.initial])
+        m.submodules.signs = signs = Memory(shape=1, depth=program.depth, init=())
         sign_write, sign_read = signs.write_port(), signs.read_port(domain="comb")
         condition = Signal(reset_less=True)
         m.d.comb += [sign_write.addr.eq(write.addr), sign_write.data.eq(bus.sign), sign_write.en.eq(write.en),
@@ -301,6 +316,30 @@ class Engine(SystemComponent):
         m.d.sync += early.eq(ResetSignal() & (control.start | early))
         with m.If(control.start | early):
             m.d.sync += status[IGNORED].eq(~control.taken)
+
+
+    def _restart(self, m, control, word, writes, commit):
+        """The count of refused updates whose inputs were all finite; at its end, the state is that after a reset."""
+        (_, bus), *_ = writes
+        program, limit = self._program, self._system.restart_after
+        first = len(program.other_sources) - len(program.graph.inputs)
+        of_input, foreign = Signal(name="of_input"), Signal(name="foreign")
+        m.d.sync += of_input.eq(word.other >= first)
+        with m.If(control.idle):
+            m.d.sync += foreign.eq(0)
+        with m.Elif(of_input & (word.write.source == program.sources["main"].index("other"))
+                    & (bus.exponent == program.format.exponent_special)):
+            m.d.sync += foreign.eq(1)
+        refusals, restarts = Signal(range(limit), name="refusals"), Signal(name="restarts")
+        m.d.comb += restarts.eq(control.ending & ~commit & ~foreign & (refusals == limit - 1))
+        with m.If(restarts):
+            m.d.sync += [refusals.eq(0), control.fresh.eq(1)]
+        with m.Elif(commit):
+            m.d.sync += refusals.eq(0)
+        with m.Elif(control.ending & ~foreign):
+            m.d.sync += refusals.eq(refusals + 1)
+        with m.If(control.ending):
+            m.d.sync += getattr(self, self._system.status_port)[self.status_names.index(RESTARTED)].eq(restarts)
 
 
 class Control(NamedTuple):

@@ -78,7 +78,7 @@ class Machine(ABC):
         return graph
 
     def units(self, node) -> list[Unit]:
-        """Units that can compute a node; none for an input."""
+        """Units that can compute a node; none for a node that is not computed."""
         return self.pool.operations.get(node.operation, [])
 
     @abstractmethod
@@ -117,9 +117,10 @@ class Machine(ABC):
 class UpdateMachine(Machine):
     """The rules of Engine: one update at a time.
 
-    Results of units that are not direct, and inputs, are registered on the way to the bus. Each state word has a step,
-    too, which restores its reset value in the first update after a reset. A result may be forwarded to its readers in
-    the cycle in which it comes out. Conditions and the state always come from memory.
+    Results of units that are not direct, and inputs, are registered on the way to the bus. Constants have steps like
+    inputs, so that no update depends on what the memory contained before. Each state word has such a step, too, which
+    restores its reset value in the first update after a reset. A result may be forwarded to its readers in the cycle in
+    which it comes out. Conditions and the state always come from memory.
     """
 
     def __init__(self, pool):
@@ -130,11 +131,7 @@ class UpdateMachine(Machine):
         self.lead = self.first_issue = self.pool.memory_delay - 1
 
     def needs_step(self, node):
-        return node.operation != "constant"
-
-    def units(self, node):
-        # The unit that copies restores a state word.
-        return self.pool.operations["copy"] if node.operation == "state" else super().units(node)
+        return True
 
     def delay(self, node):
         units = self.units(node)
@@ -335,10 +332,14 @@ class Problem:
         return issues, {name: resource for name, resource in results.items() if resource.nodes}
 
     def intervals(self):
-        """Least interval between updates, by the resource that limits it."""
+        """Least interval between updates, by the resource that limits it.
+
+        In one cycle the main bus takes a constant.
+        """
         issues, results = self.resources
-        return {name: -(-len(nodes) // instances) * cycles
-                for name, (nodes, cycles, instances) in (issues | results).items()}
+        bounds = {name: -(-len(nodes) // instances) * cycles for name, (nodes, cycles, instances) in issues.items()}
+        return bounds | {name: -(-(len(nodes) + (name != BUSES["side"])) // instances)
+                         for name, (nodes, _, instances) in results.items()}
 
     def lengths(self):
         """Least length of a whole update, by its cause: "dependences", and for each resource the time that it is

@@ -21,10 +21,10 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None)
     and in which all its resources are free, modulo the interval. If no such cycle exists, the node takes the place of
     another node for which a new place is found; that node may in turn replace a third one. Units that are busy for
     several cycles start on a grid, for which ports and bus are reserved, so that their idle cycles are not scattered.
-    This is repeated from priorities with small random changes and with other grids, the same in every run. The schedule
-    with the fewest stages is chosen; among these, the one that keeps the least in the side memory. If no attempt
-    succeeds, all are repeated thoroughly: with reservations that end with the last operation on a unit, and with more
-    searches.
+    In one cycle of the interval the main bus stays free: the engine writes a constant. This is repeated from priorities
+    with small random changes, with other grids and other free cycles, the same in every run. The schedule with the
+    fewest stages is chosen; among these, the one that keeps the least in the side memory. If no attempt succeeds, all
+    are repeated thoroughly: with reservations that end with the last operation on a unit, and with more searches.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def _schedules(problem, interval, *, thorough):
         spread = 0.4 * attempt / attempts
         priority = {node: -(problem.to_come[node] + problem.delay[node]) * (1 + rng.uniform(-spread, spread))
                     for node in problem.nodes}
-        if steps := _Attempt(problem, interval, thorough=thorough).place(priority, rng):
+        if steps := _Attempt(problem, interval, thorough=thorough).place(priority, rng, 3 * attempt % interval):
             found.append(Schedule(problem.graph, problem.machine, steps, interval))
     return found
 
@@ -141,9 +141,13 @@ class _Attempt:
         self.patience = PATIENCE[thorough]
         self.thorough = thorough
 
-    def place(self, priority, rng):
-        """Steps of all nodes, or None. Of the nodes whose readers are placed, the lowest priority is next."""
+    def place(self, priority, rng, free):
+        """Steps of all nodes, or None. Of the nodes whose readers are placed, the lowest priority is next.
+
+        In the cycle ``free`` of the interval the main bus stays free, for a constant.
+        """
         problem = self.problem
+        self._occupy([("main", free)], None)
         grids = self._grids(rng)
         if grids is None:
             return None

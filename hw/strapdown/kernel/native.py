@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .pool import Pool
-from .system import System
+from .system import REFUSALS, System
 from .trace import Node
 
 __all__ = ["NativeError", "NativeTwin"]
@@ -83,11 +83,12 @@ def _expression(names, node):
     return CALLS[node.operation].format(", ".join(_operand(names, operand) for operand in node.operands))
 
 
-def _program(graph, fmt, refuses):
+def _program(graph, fmt, refuses, restart_after):
     """C code of ``run(count, inputs, held, results)``, with one row per update.
 
-    ``held`` has outputs and state words; the function replaces them by those after the last update. A row of results
-    has outputs, state words, status, and 1 if the update was refused.
+    ``held`` has outputs, state words and the count of refusals; the function replaces them by those after the last
+    update. A row of results has outputs, state words, status, 1 if the update was refused, and 1 if the state starts
+    again after it: after so many refusals as ``restart_after``, or never if that is 0.
     """
     real, word = C_TYPES[fmt.width]
     short = fmt.width == 32
@@ -112,17 +113,24 @@ def _program(graph, fmt, refuses):
     numbers = [names[node] for node in graph.nodes if node.computed and node.operation not in ("select", "copy")]
     checked = [*(f"in[{index}]" for index in range(len(graph.inputs))), *numbers]
     refused = " || ".join(f"!isfinite({name})" for name in checked) if refuses else "0"
+    foreign = " || ".join(f"!isfinite({name})" for name in checked[:len(graph.inputs)])
     kept = [names[node] for node in (*graph.outputs.values(), *(graph.next_state[word] for word in state))]
     status = [f"!refused && is_negative({_operand(names, operand)})" for operand in graph.status.values()]
-    lines += [f"const int refused = {refused};", "if (!refused) {",
-              *(f"  held[{index}] = {value};" for index, value in enumerate(kept)), "}",
+    resets = [f"from_bits({hex(int(fmt.to_bits(value)))}u)" for value in graph.state.values()]
+    lines += [f"const int refused = {refused};", f"real *count = held + {len(kept)};", "if (!refused) {",
+              *(f"  held[{index}] = {value};" for index, value in enumerate([*kept, "0"])), "}",
+              f"else if (!({foreign})) ++*count;",
+              f"const int restarted = {restart_after} && *count == {restart_after};", "if (restarted) {",
+              *(f"  held[{len(graph.outputs) + index}] = {value};" for index, value in enumerate(resets)),
+              "  *count = 0;", "}",
               f"memcpy(out, held, {len(kept)} * sizeof(real));",
-              *(f"out[{len(kept) + index}] = {value};" for index, value in enumerate([*status, "refused"]))]
+              *(f"out[{len(kept) + index}] = {value};"
+                for index, value in enumerate([*status, "refused", "restarted"]))]
     body = "\n    ".join(lines)
     return f"""{head}
 void run(long count, const real *in, real *held, real *out)
 {{
-  for (long k = 0; k < count; ++k, in += {len(graph.inputs)}, out += {len(kept) + len(status) + 1}) {{
+  for (long k = 0; k < count; ++k, in += {len(graph.inputs)}, out += {len(kept) + len(status) + 2}) {{
     {body}
   }}
 }}
@@ -157,7 +165,8 @@ class NativeTwin:
             raise NativeError("the C compiler cc is missing (Debian: apt-get install gcc)")
         with tempfile.TemporaryDirectory() as folder:
             source, library = Path(folder, "kernel.c"), Path(folder, "kernel.so")
-            source.write_text(_program(self._graph, fmt, bool(system.status_port)), encoding="utf-8")
+            text = _program(self._graph, fmt, bool(system.status_port), system.restart_after)
+            source.write_text(text, encoding="utf-8")
             # No fused multiply-add: the circuit rounds the product too.
             command = [compiler, "-O2", "-ffp-contract=off", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -186,12 +195,16 @@ class NativeTwin:
         rows = np.ascontiguousarray(rows)
         names = [*graph.outputs, *graph.state]
         start = graph.reset_outputs | graph.state | (state or {})
-        held = np.array([fmt.array(start[name]) for name in names], dtype=fmt.dtype)
-        flags = [*graph.status, "refused"]
+        held = np.array([*(fmt.array(start[name]) for name in names), start.get(REFUSALS, 0)], dtype=fmt.dtype)
+        flags = [*graph.status, "refused", "restarted"]
         answer = np.empty((len(rows), len(names) + len(flags)), fmt.dtype)
         self._run(ctypes.c_long(len(rows)), *(ctypes.c_void_p(array.ctypes.data) for array in (rows, held, answer)))
         result = dict(zip([*names, *flags], np.ascontiguousarray(answer.T), strict=True))
         result |= {name: result[name] != 0 for name in flags}
+        after = dict(zip(names, held, strict=False))
         if not self._system.status_port:
             del result["refused"]
-        return result, dict(zip(names, held, strict=True))
+        if not self._system.restart_after:
+            del result["restarted"]
+            return result, after
+        return result, after | {REFUSALS: int(held[-1])}

@@ -9,15 +9,15 @@ from amaranth import unsigned
 from amaranth.lib import data
 from amaranth.utils import bits_for, exact_log2
 
-from .machine import Read, reads
+from .machine import reads
 from .schedule import Schedule, Step
-from .trace import Node, Operand
+from .trace import Node
 
-__all__ = ["NEXT", "PLAIN", "STATE", "TURNED", "Program", "StreamProgram", "UpdateProgram"]
+__all__ = ["CONSTANT", "NEXT", "PLAIN", "STATE", "TURNED", "Program", "StreamProgram", "UpdateProgram"]
 
-PLAIN, TURNED, STATE, NEXT = "plain", "turned", "state", "next"
-"""Kinds of addresses in a stream program: a fixed address; an address whose low bits count the intervals; a word of the
-state, or of the next state, of the channel in a stage."""
+PLAIN, TURNED, CONSTANT, STATE, NEXT = "plain", "turned", "constant", "state", "next"
+"""Kinds of addresses in a stream program: a fixed address; an address whose low bits count the intervals; that of the
+constant whose turn it is to be written; a word of the state, or of the next state, of the channel in a stage."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,15 @@ class Program(ABC):
     def state(self) -> dict[str, int]:
         """Maps each state word to its address in the first bank."""
 
-    @property
-    @abstractmethod
-    def constants(self) -> dict[float, int]:
-        """Constants that must be in the main memory: maps each magnitude to its address."""
+    @cached_property
+    def constants(self) -> tuple[float, ...]:
+        """The reset values of the state, and the other constants, in the order of their numbers."""
+        values = dict.fromkeys(self.graph.state.values())
+        return tuple(values | dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant"))
+
+    def constant(self, node):
+        """The value of a constant, or the reset value of a state word."""
+        return self.graph.state[node.label] if node.operation == "state" else node.value
 
     @property
     @abstractmethod
@@ -132,14 +137,6 @@ class Program(ABC):
             addresses[node] = address
         return addresses
 
-    @cached_property
-    def initial(self):
-        """Contents of the main memory when the device is configured, as encodings."""
-        words = [0] * self.depth
-        for value, address in self.constants.items():
-            words[address] = self.format.encode(value)
-        return tuple(words)
-
     @abstractmethod
     def place(self, node: Node) -> str:
         """The place of a value, for listings."""
@@ -186,13 +183,13 @@ class Program(ABC):
         for step in self.schedule.steps:
             if self.schedule.on_bus(step):
                 self._write(put, step)
-            if step.unit == "input":
+            if step.unit not in machine.unit:
                 continue
             unit = machine.unit[step.unit]
             put(step.issue, "start", **{unit.name: 1})
             if step.node.operation in unit.modes:
                 put(step.issue, "mode", **{f"{unit.name}_{unit.modes[step.node.operation]}": 1})
-            arguments = [read for read in self.reads(step) if not read.condition]
+            arguments = [read for read in reads(step.node) if not read.condition]
             # A single operand goes to both ports, which makes a copy of a choice.
             for side, read in zip("ab", (arguments[0], arguments[min(1, len(arguments) - 1)]), strict=True):
                 path = f"port{machine.port(unit)}", side
@@ -202,12 +199,6 @@ class Program(ABC):
                 put(step.issue, "condition", negate=int(step.node.condition.negated), **self._condition(step))
         self._finish(put)
         return words
-
-    def reads(self, step):
-        """The operands of a step: tuple of Read. A step that restores the state reads a constant."""
-        if step.node.operation == "state":
-            return (Read(Operand(Node("constant", value=self.graph.state[step.node.label]))),)
-        return reads(step.node)
 
     @abstractmethod
     def _write(self, put, step):
@@ -235,12 +226,12 @@ class UpdateProgram(Program):
 
     The memory begins with the state: words ``2k`` and ``2k + 1`` are the two banks of state word k. Programs use ``2k``
     for the state and ``2k + 1`` for the next state; the engine inverts the lowest bit of these addresses in every
-    second update. Constants follow, then the values of one update, each kept from the cycle after its write to its last
-    read. The side memory uses the highest addresses of the main memory, whose lowest bit is not inverted.
+    second update. The values of one update follow, constants included, each kept from the cycle after its write to its
+    last read. The side memory uses the highest addresses of the main memory, whose lowest bit is not inverted.
     """
 
     def source(self, step):
-        return step.unit if step.unit in self.schedule.direct else "other"
+        return step.unit if step.unit in self.schedule.direct or step.unit == "constant" else "other"
 
     @cached_property
     def other_sources(self):
@@ -252,7 +243,7 @@ class UpdateProgram(Program):
         """Sources of operands: "memory", "side" memory, the direct units whose results are forwarded, and "bus" for
         all other results."""
         found = {self.operand_source(step, read) for step in self.schedule.steps
-                 for read in self.reads(step) if not read.condition} | {"memory"}
+                 for read in reads(step.node) if not read.condition} | {"memory"}
         return tuple(name for name in ("memory", "side", *(unit.name for unit in self.units), "bus") if name in found)
 
     def operand_source(self, step, read):
@@ -276,17 +267,10 @@ class UpdateProgram(Program):
         return {word: 2 * index for index, word in enumerate(self.graph.state)}
 
     @cached_property
-    def constants(self):
-        values = dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant")
-        values |= dict.fromkeys(self.graph.state.values())
-        return {value: self.state_words + index for index, value in enumerate(values)}
-
-    @cached_property
     def addresses(self):
-        addresses = {node: self.constants[node.value] for node in self.graph.nodes if node.operation == "constant"}
-        addresses |= {node: self.state[node.label] for node in self.graph.nodes if node.operation == "state"}
+        addresses = {node: self.state[node.label] for node in self.graph.nodes if node.operation == "state"}
         addresses |= {node: self.state[word] + 1 for word, node in self.graph.next_state.items()}
-        for bus, first in ("main", self.state_words + len(self.constants)), ("side", 0):
+        for bus, first in ("main", self.state_words), ("side", 0):
             steps = [step for step in self.schedule.steps
                      if step.stored and step.bus == bus and step.node not in addresses]
             nodes = [step.node for step in sorted(steps, key=lambda step: step.write)]
@@ -306,7 +290,7 @@ class UpdateProgram(Program):
     def used(self):
         """Words of memory in use, the side memory excluded."""
         return max([*(address for node, address in self.addresses.items() if node not in self.schedule.aside),
-                    *self.constants.values(), self.state_words - 1]) + 1
+                    self.state_words - 1]) + 1
 
     @cached_property
     def depth(self):
@@ -321,7 +305,9 @@ class UpdateProgram(Program):
 
     def operand_place(self, step, read):
         source = self.operand_source(step, read)
-        return self.place(read.node) if read.condition or source in ("memory", "side") else f"<{source}>"
+        if read.condition or source in ("memory", "side"):
+            return self.place(read.node)
+        return f"<{read.node.label}>" if read.node.operation == "constant" else f"<{source}>"
 
     @property
     def address_fields(self):
@@ -349,7 +335,7 @@ class UpdateProgram(Program):
         if self.side_depth:
             fields["side"] = data.StructLayout({"enable": 1, "address": unsigned((self.side_depth - 1).bit_length()),
                                                 "source": unsigned((len(self.sources["side"]) - 1).bit_length())})
-        other = unsigned(max(1, (len(self.other_sources) - 1).bit_length()))
+        other = unsigned(bits_for(max(len(self.other_sources), len(self.constants), 2) - 1))
         return {**fields, "other": other, "advance": 1}
 
     def _write(self, put, step):
@@ -358,6 +344,8 @@ class UpdateProgram(Program):
         if source == "other":
             name = step.node.label if step.unit == "input" else step.unit
             put(step.write - 1, other=self.other_sources.index(name))
+        if source == "constant":
+            put(step.write - 1, other=self.constants.index(self.constant(step.node)))
         if step.stored:
             put(step.write, write, enable=1, address=self.addresses[step.node])
         if step.stored and write == "write":
@@ -370,9 +358,7 @@ class UpdateProgram(Program):
         source = self.operand_source(step, read)
         if source not in ("memory", "side"):
             return {}
-        node = read.node
-        address = self.constants[node.value] if node.operation == "constant" else self.addresses[node]
-        return {"address": address + (self.depth - self.side_depth if source == "side" else 0)}
+        return {"address": self.addresses[read.node] + (self.depth - self.side_depth if source == "side" else 0)}
 
     def _condition(self, step):
         return {"address": self.addresses[step.node.condition.node]}
@@ -389,8 +375,10 @@ class StreamProgram(Program):
     For the update in stage s, word ``index`` contains cycle ``s * length + index`` of this update.
 
     The lower half of the main memory holds the state: word k of channel c and bank b is at
-    ``(k * channels + c) * 2 + b``. The upper half holds the reset value of word k at the same place with c and b zero,
-    and constants and values of updates around these words.
+    ``k << index_bits | c << 1 | b``. The upper half holds the constants, and then the values of updates. The reset
+    values of the state are the first constants. An operand that is a state word has the number of its reset value in
+    the low bits of the address: the engine reads this constant if the state is fresh. In one cycle of an interval the
+    engine writes a constant, in each interval the next one.
     A value that is needed for longer than an interval has two addresses, for alternate updates, or a higher power of
     two.
 
@@ -424,28 +412,30 @@ class StreamProgram(Program):
         return node, (step.issue - self.schedule.written[node] - 1) // self.length
 
     @property
-    def _low_bits(self):
-        return exact_log2(self.channels) + 1
+    def index_bits(self):
+        """Low bits of the address of a state word: they hold channel and bank, or the number of the reset value."""
+        resets = len({*self.graph.state.values()})
+        return max(exact_log2(self.channels) + 1, bits_for(max(resets, 1) - 1))
+
+    @property
+    def constant_bits(self):
+        """Bits of the number of a constant."""
+        return bits_for(max(len(self.constants), 1) - 1)
 
     @cached_property
     def state(self):
-        return {word: index << self._low_bits for index, word in enumerate(self.graph.state)}
+        return {word: index << self.index_bits for index, word in enumerate(self.graph.state)}
 
     @cached_property
     def _main(self):
-        """Bits of an address in each half; constants, and values of an update in memory, with their addresses."""
-        values = dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant")
+        """Bits of an address in each half; values of an update in memory, with their addresses."""
         own = set(self.graph.next_state.values())
         nodes = self._longest_first(
             node for node, bus in self.schedule.bus.items() if bus == "main" and node not in own)
-        bits = bits_for(max(len(self.graph.state), 1) - 1) + self._low_bits
+        bits = max(bits_for(max(len(self.graph.state), 1) - 1) + self.index_bits, self.constant_bits)
         while True:
-            upper = 1 << bits
-            free = [address for address in range(upper, 2 * upper)
-                    if address % (1 << self._low_bits) or address - upper >= len(self.graph.state) << self._low_bits]
             try:
-                constants = dict(zip(values, free[:-len(values) - 1:-1], strict=True))
-                return bits, constants, self._allocated(nodes, free[:len(free) - len(constants)])
+                return bits, self._allocated(nodes, range((1 << bits) + (1 << self.constant_bits), 2 << bits))
             except ValueError:
                 bits += 1
 
@@ -466,20 +456,9 @@ class StreamProgram(Program):
     def depth(self):
         return 2 * self.upper
 
-    @property
-    def constants(self):
-        return self._main[1]
-
-    @property
-    def addresses(self):
-        return {**self._main[2], **self._side}
-
     @cached_property
-    def initial(self):
-        words = list(super().initial)
-        for word, value in self.graph.state.items():
-            words[self.upper + self.state[word]] = self.format.encode(value)
-        return tuple(words)
+    def addresses(self):
+        return {**self._main[1], **self._side}
 
     def place(self, node):
         if not node.computed:
@@ -493,13 +472,19 @@ class StreamProgram(Program):
         turned = {(TURNED, self._copies(node).bit_length() - 1) for node in self.addresses if self._copies(node) > 2}
         read_again = {(NEXT, self._fetching(step)) for step in self.schedule.steps
                       for read in reads(step.node) if not read.condition and read.node in self._own}
-        return ((PLAIN, 0), (TURNED, 1), *((STATE, stage) for stage in range(self.schedule.stages)),
+        refreshed = ((CONSTANT, 0),) if self.constants else ()
+        return ((PLAIN, 0), (TURNED, 1), *refreshed, *((STATE, stage) for stage in range(self.schedule.stages)),
                 *sorted(turned), *sorted(read_again))
 
     @property
     def turning_bits(self):
         """Greatest number of bits of an address that count the intervals."""
-        return max(parameter for kind, parameter in self.kinds if kind == TURNED)
+        return max(self.constant_bits, *(parameter for kind, parameter in self.kinds if kind == TURNED))
+
+    @cached_property
+    def sources(self):
+        found = super().sources
+        return found | {"main": (*found["main"], "constant")} if self.constants else found
 
     @cached_property
     def _own(self):
@@ -543,9 +528,11 @@ class StreamProgram(Program):
     def _place(self, node, stage, state=STATE):
         """Address and kind of a node, for a word whose addresses are settled in ``stage``."""
         if node.operation == "constant":
-            address, kind = self.constants[node.value], (PLAIN, 0)
-        elif node.operation == "state" or node in self._own:
-            address, kind = self.state[self._own.get(node, node.label)], (state, stage)
+            address, kind = self.upper + self.constants.index(node.value), (PLAIN, 0)
+        elif node.operation == "state":
+            address, kind = self.state[node.label] | self.constants.index(self.constant(node)), (state, stage)
+        elif node in self._own:
+            address, kind = self.state[self._own[node]], (state, stage)
         elif (copies := self._copies(node)) > 1:
             # The engine adds the number of the latest update; the sum is the number of the update in the stage.
             address, kind = self.addresses[node] + -stage % copies, (TURNED, copies.bit_length() - 1)
@@ -570,4 +557,11 @@ class StreamProgram(Program):
         return {"index": self.conditions.index(self._aged(step))}
 
     def _finish(self, put):
-        pass  # all fields belong to steps
+        if self.constants:
+            put(self.schedule.free, "main", enable=1, **self.refresh)
+
+    @property
+    def refresh(self):
+        """Fields of the main bus that write the next constant."""
+        return {"address": self.upper, "kind": self.kinds.index((CONSTANT, 0)),
+                "source": self.sources["main"].index("constant")}

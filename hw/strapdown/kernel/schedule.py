@@ -14,10 +14,10 @@ __all__ = ["Schedule", "Step"]
 class Step:
     """One node in time.
 
-    ``unit`` is the unit that computes the node; "input" for an input port; for a state word, the unit that restores its
-    reset value. In cycle ``issue`` the operands are fetched, from memory or directly from a unit whose result comes out
-    in the same cycle. ``write`` is the cycle in which the result can be on the bus named ``bus``, "main" or "side".
-    ``stored`` is true if the memory of that bus stores the result.
+    ``unit`` is the unit that computes the node; "input" for an input port; "constant" for a constant, and for a state
+    word, which is restored to its reset value. In cycle ``issue`` the operands are fetched, from memory or directly
+    from a unit whose result comes out in the same cycle. ``write`` is the cycle in which the result can be on the bus
+    named ``bus``, "main" or "side". ``stored`` is true if the memory of that bus stores the result.
     """
 
     node: Node
@@ -88,6 +88,12 @@ class Schedule:
             end = max([end + 1, *(step.issue for step in self.steps if step.node.section == section)])
             ends.append(end)
         return (*ends[:-1], self.length - 1)
+
+    @property
+    def free(self):
+        """First cycle of the interval in which the main bus is free."""
+        taken = {self.slot(step.write) for step in self.steps if step.bus == "main"}
+        return next(cycle for cycle in range(self.period) if cycle not in taken)
 
     @cached_property
     def written(self):
@@ -180,7 +186,7 @@ class Schedule:
             assert step.write == step.issue + machine.delay(node), f"{node} is not ready when it is written"
             if self.on_bus(step):
                 uses[BUSES[step.bus], self.slot(step.write)] += 1
-            if step.unit == "input":
+            if not machine.units(node):
                 assert machine.first_input <= step.issue, f"{node} is too early"
                 assert not self.interval or step.issue < self.interval, f"{node} is no longer valid"
                 continue

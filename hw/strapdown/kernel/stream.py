@@ -6,18 +6,19 @@ from typing import NamedTuple
 from amaranth import *
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
-from amaranth.utils import exact_log2
+from amaranth.utils import bits_for, exact_log2
 
-from .datapath import captured_inputs, choose, memory, operand_registers, operators
+from .datapath import captured_inputs, choose, constants, memory, operand_registers, operators
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .machine import StreamMachine
 from .modulo_scheduler import modulo_schedule
 from .pool import MemoryStyle
-from .program import NEXT, STATE, TURNED, StreamProgram
+from .program import CONSTANT, NEXT, STATE, TURNED, StreamProgram
 
 __all__ = ["StreamEngine"]
 
-READY, IN_CHANNEL, OUT_CHANNEL, REFUSED = "in_ready", "in_channel", "out_channel", "refused"
+READY, IN_CHANNEL, OUT_CHANNEL = "in_ready", "in_channel", "out_channel"
+REFUSED, RESTARTED = "refused", "restarted"
 
 
 class StreamEngine(SystemComponent):
@@ -39,8 +40,8 @@ class StreamEngine(SystemComponent):
     *start*, in_ready : In(1), Out(1)
         A sample is taken, with its channel, at a clock edge at which both are high. The engine is ready every
         ``interval`` cycles. If no update is in flight at that time, it stays ready until a sample comes. It is not
-        ready for a channel that has an update in flight, while the reset acts, and in the next cycle. in_ready depends
-        on in_channel in the same cycle.
+        ready for a channel that has an update in flight, while the reset acts, and in the next ``recovery`` cycles.
+        in_ready depends on in_channel in the same cycle.
     in_channel : In(log2(channels))
         Channel of the sample.
     *input ports* : In(format.width), or the number of bits given by the system
@@ -58,8 +59,14 @@ class StreamEngine(SystemComponent):
     State: kept in two banks for each channel. An update reads one bank and writes the other, and its end makes the
     other bank the current one. If the system has a status port, an update in which a number was NaN or infinite is
     refused; its channel keeps its state. Without a status port, NaN and infinity pass through to outputs and state.
-    Upsets: if the counter of the interval is wrong, all updates in flight are refused. From any contents of the
-    registers every channel is free after as many intervals as an update has stages, plus one.
+    After ``system.restart_after`` updates of a channel that were refused although every input was finite, the channel's
+    next update starts from the reset state.
+    Memory: the engine writes the constants and reset values, one in each interval, and one per cycle while no update is
+    in flight. Nothing else is read before it was written.
+    Upsets: if the counter of the interval is wrong, all updates in flight are refused. An update is also refused if its
+    channel, bank or freshness does not have the parity that it had when the sample was taken. A channel is busy only if
+    a stage is valid and has its number. At each start of an interval the stages move on, and the last one ends. So from
+    any contents of the registers every channel is free after as many intervals as an update has stages, plus one.
     Raises: ValueError if there is no schedule of that interval, for other numbers of channels, and for a pool that
     forwards results.
     """
@@ -83,6 +90,11 @@ class StreamEngine(SystemComponent):
     def latency(self):
         """Cycles from the edge that takes a sample to the edge that raises its finish."""
         return self._program.schedule.commit + 1
+
+    @property
+    def recovery(self):
+        """Cycles after a reset in which nothing is taken: each writes a constant."""
+        return max(len(self._program.constants), 1)
 
     @property
     def ports(self):
@@ -129,25 +141,31 @@ class StreamEngine(SystemComponent):
     @property
     def status_names(self):
         """Names of the status bits, lowest first."""
-        return (*self._system.status, REFUSED) if self._system.status_port else ()
+        if not self._system.status_port:
+            return ()
+        return (*self._system.status, REFUSED, *([RESTARTED] if self._system.restart_after else []))
 
     def elaborate(self, platform):
         m = Module()
         stages = self._stages()
         control = self._sequencer(m, stages)
-        self._banks(m, control, stages)
+        restart = self._restart(m, control, stages)
+        self._banks(m, control, stages, restart)
         captured = self._inputs(m, control)
         word, write_main = self._word(m, control, stages)
         buses, condition = self._datapath(m, word, write_main, captured)
         self._judge(m, control, stages, word, buses if self.status_names else {})
+        if self._system.restart_after:
+            self._watch_inputs(m, control, stages, word, buses)
         if condition is not None:
             self._conditions(m, control, word, buses, condition)
-        self._outputs(m, control, stages, buses)
+        self._outputs(m, control, stages, buses, restart)
         return m
 
     def _stages(self):
         """State of the update in each stage: Stages of lists of signals."""
-        shapes = {"valid": 1, "channel": self.in_channel.shape(), "bank": 1, "fresh": 1, "bad": 1}
+        shapes = {"valid": 1, "channel": self.in_channel.shape(), "bank": 1, "fresh": 1, "parity": 1, "bad": 1,
+                  "foreign": 1}
         count = self._program.schedule.stages
         return Stages(**{name: [Signal(shape, name=f"stage{stage}_{name}") for stage in range(count)]
                          for name, shape in shapes.items()})
@@ -165,43 +183,71 @@ class StreamEngine(SystemComponent):
         beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
         in_flight, occupied = Signal(name="in_flight"), Signal(name="occupied")
         start = getattr(self, self._system.start)
-        # While the reset acts nothing is taken; after it, the first word needs a clock edge to come out of the ROM.
+        turn, waiting = Signal(program.turning_bits, name="turn"), Signal(name="waiting")
+        # While the engine waits, it writes a constant per cycle. After a reset it takes nothing until all are there.
         primed = Signal(name="primed")
-        m.d.sync += primed.eq(1)
+        with m.If(waiting & (turn == self.recovery - 1)):
+            m.d.sync += primed.eq(1)
         m.d.comb += [
             in_flight.eq(Cat(stages.valid).any()),
             occupied.eq(Cat(valid & (channel == self.in_channel)
                             for valid, channel in zip(stages.valid, stages.channel, strict=True)).any()),
             self.in_ready.eq(beginning & primed & ~occupied),
             taken.eq(start & self.in_ready),
-            goes.eq(~beginning | taken | in_flight),
+            waiting.eq(beginning & ~in_flight & ~(start & primed)),
+            goes.eq(~waiting),
             following.eq(Mux(counter == length - 1, 0, counter + goes))]
         m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]
-        turn = Signal(program.turning_bits, name="turn")
         commit, refuse = Signal(name="commit"), Signal(name="refuse")
         # Another counter, set by the beginnings, must agree with the slot.
         check, upset = Signal(range(length), name="check"), Signal(name="upset")
         m.d.sync += check.eq(Mux(beginning, 0, check + 1))
-        m.d.comb += [upset.eq(slot != check), refuse.eq(stages.bad[-1] | upset),
+        # What is known of an update must be what it was when the sample was taken.
+        known = [getattr(stages, name)[-1] for name in ("valid", "channel", "bank", "fresh", "parity")]
+        m.d.comb += [upset.eq(slot != check), refuse.eq(stages.bad[-1] | upset | Cat(known).xor()),
                      commit.eq((slot == schedule.commit % length) & stages.valid[-1])]
-        return Control(counter, following, slot, beginning, taken, upset, turn, commit, refuse)
+        return Control(counter, following, slot, beginning, waiting, taken, upset, turn, commit, refuse)
 
-    def _banks(self, m, control, stages):
+    def _restart(self, m, control, stages):
+        """High at the end of an update after which the channel's state is that after a reset: it and those before it
+        were refused, and their inputs were all finite.
+
+        The counts are in a memory. That of a channel is valid if the channel's bit in ``counting`` is set.
+        """
+        limit, channel, restart = self._system.restart_after, stages.channel[-1], Signal(name="restart")
+        if not limit:
+            return restart
+        m.submodules.refusals = refusals = Memory(shape=bits_for(limit), depth=self._program.channels, init=())
+        before, after = refusals.read_port(domain="comb"), refusals.write_port()
+        counting, counted = Signal(self._program.channels, name="counting"), Signal(name="counted")
+        number = Mux(counting.bit_select(channel, 1), before.data, 0)
+        m.d.comb += [counted.eq(control.commit & control.refuse & ~stages.foreign[-1]),
+                     restart.eq(counted & (number == limit - 1)),
+                     before.addr.eq(channel), after.addr.eq(channel), after.data.eq(number + 1), after.en.eq(counted)]
+        with m.If(counted | control.commit & ~control.refuse):
+            m.d.sync += counting.bit_select(channel, 1).eq(counted & ~restart)
+        return restart
+
+    def _banks(self, m, control, stages, restart):
         """Banks by channel; each update carries the bits that it needs from stage to stage."""
         channels, number, channel = self._program.channels, self.in_channel, stages.channel[-1]
+        bank, fresh = Signal(name="bank"), Signal(name="fresh")
         banks, freshness = Signal(channels, name="banks"), Signal(channels, name="freshness", init=-1)
         with m.If(control.commit):
             m.d.sync += stages.valid[-1].eq(0)
             with m.If(~control.refuse):
                 m.d.sync += [banks.bit_select(channel, 1).eq(~stages.bank[-1]),
                              freshness.bit_select(channel, 1).eq(0)]
+            with m.If(restart):
+                m.d.sync += freshness.bit_select(channel, 1).eq(1)
+        m.d.comb += [bank.eq(banks.bit_select(number, 1)), fresh.eq(freshness.bit_select(number, 1))]
         # While the counter waits, stages without an update are shifted repeatedly.
         with m.If(control.beginning):
             turned = ~control.turn if len(control.turn) == 1 else control.turn + 1
             m.d.sync += [control.turn.eq(turned), stages.valid[0].eq(control.taken), stages.channel[0].eq(number),
-                         stages.bank[0].eq(banks.bit_select(number, 1)),
-                         stages.fresh[0].eq(freshness.bit_select(number, 1))]
-            for signals in stages.valid, stages.channel, stages.bank, stages.fresh:
+                         stages.bank[0].eq(bank), stages.fresh[0].eq(fresh),
+                         stages.parity[0].eq(Cat(control.taken, number, bank, fresh).xor())]
+            for signals in stages.valid, stages.channel, stages.bank, stages.fresh, stages.parity:
                 m.d.sync += [later.eq(signal) for signal, later in pairwise(signals)]
 
     def _inputs(self, m, control):
@@ -222,8 +268,19 @@ class StreamEngine(SystemComponent):
         m.d.comb += [fetch.addr.eq(control.following if registered else control.counter), settled.eq(fetch.data)]
         m.d.sync += word.eq(settled)
         known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))
-        state = [Mux(fresh, program.upper, Cat(bank, channel)) for fresh, bank, channel in known]
-        next_state = [Cat(~bank, channel) for _, bank, channel in known]
+        low = program.index_bits
+
+        def state(address, stage):
+            fresh, bank, channel = known[stage]
+            own = Cat(bank, channel, C(0, low - 1 - len(channel)), address[low:])
+            return Mux(fresh, program.upper | address[:low], own)
+
+        def next_state(address, stage):
+            _, bank, channel = known[stage]
+            return address | Cat(~bank, channel)
+
+        def constant(address, _):
+            return address | control.turn[:program.constant_bits]
 
         def settle(path, words):
             """The address of a part of the word, by its kind."""
@@ -236,13 +293,13 @@ class StreamEngine(SystemComponent):
                         if kind == TURNED:
                             m.d.comb += address.address.eq(_turned(read.address, control.turn[:parameter]))
                         elif kind in words:
-                            m.d.comb += address.address.eq(read.address | words[kind][parameter])
+                            m.d.comb += address.address.eq(words[kind](read.address, parameter))
 
         for port in program.read_ports:
             for side in "ab":
                 settle((f"port{port}", side), {STATE: state, NEXT: next_state})
         for bus in program.depths:
-            settle((bus,), {STATE: next_state} if bus == "main" else {})
+            settle((bus,), {STATE: next_state, CONSTANT: constant} if bus == "main" else {})
         enable = Signal()
         with m.Switch(fetch.data.main.kind):
             for index, (kind, stage) in enumerate(program.kinds):
@@ -251,6 +308,11 @@ class StreamEngine(SystemComponent):
                         m.d.comb += enable.eq(fetch.data.main.enable & stages.valid[stage])
             with m.Default():
                 m.d.comb += enable.eq(fetch.data.main.enable)
+        if program.constants:
+            with m.If(control.waiting):
+                refresh = program.refresh
+                m.d.comb += [enable.eq(1), settled.main.source.eq(refresh["source"]),
+                             settled.main.address.eq(constant(refresh["address"], 0))]
         write_main = Signal()
         m.d.sync += write_main.eq(enable)
         return word, write_main
@@ -258,7 +320,7 @@ class StreamEngine(SystemComponent):
     def _datapath(self, m, word, write_main, captured):
         """Memories, operators and buses; returns the buses by name, and the condition of a choice, if any."""
         program, pool = self._program, self._program.schedule.pool
-        m.submodules.main_memory = main = memory(program, program.depth, pool.operand_memory, program.initial)
+        m.submodules.main_memory = main = memory(program, program.depth, pool.operand_memory)
         memories = {"main": (main, write_main)}
         if program.side_depth:
             m.submodules.side_memory = aside = memory(program, program.side_depth, pool.side_memory)
@@ -283,6 +345,10 @@ class StreamEngine(SystemComponent):
                 m.d.comb += components[unit.name].condition.eq(condition)
         results = {"input": Array(captured)[word.input],
                    **{name: component.result for name, component in components.items()}}
+        if program.constants:
+            read = constants(m, program, MemoryStyle.DISTRIBUTED).read_port(domain="comb")
+            m.d.comb += read.addr.eq(word.main.address)
+            results["constant"] = read.data
         buses = {}
         for name, (target, writes) in memories.items():
             buses[name] = bus = Signal(program.format.layout, name=f"{name}_bus")
@@ -300,9 +366,28 @@ class StreamEngine(SystemComponent):
                          where.eq(word[name].stage)]
             for stage, events in enumerate(found):
                 events.append(special & (where == stage))
-        judged = [flag | Cat(events).any() for flag, events in zip(stages.bad, found, strict=True)]
-        for flag, before, now in zip(stages.bad, [control.upset, *judged], judged, strict=False):
-            m.d.sync += flag.eq(Mux(control.beginning, before, now))
+        self._collect(m, control, stages.bad, found, control.upset)
+
+    def _watch_inputs(self, m, control, stages, word, buses):
+        """Updates with an input that is not finite. It is found like a number that is not finite."""
+        schedule, program = self._program.schedule, self._program
+        reached = {(step.bus, (step.write + 1) // schedule.period) for step in schedule.steps if step.unit == "input"}
+        found: list[list] = [[] for _ in stages.foreign]
+        for name in {bus for bus, _ in reached}:
+            foreign, where = Signal(name=f"{name}_foreign"), Signal(word[name].stage.shape(), name=f"{name}_origin")
+            m.d.sync += [foreign.eq((word[name].source == program.sources[name].index("input"))
+                                    & (buses[name].exponent == program.format.exponent_special)),
+                         where.eq(word[name].stage)]
+            for bus, stage in reached:
+                if bus == name:
+                    found[stage].append(foreign & (where == stage))
+        self._collect(m, control, stages.foreign, found, 0)
+
+    def _collect(self, m, control, flags, found, first):
+        """A flag of each update: set by events in its stage, carried from stage to stage."""
+        now = [flag | Cat(events).any() for flag, events in zip(flags, found, strict=True)]
+        for flag, before, after in zip(flags, [first, *now], now, strict=False):
+            m.d.sync += flag.eq(Mux(control.beginning, before, after))
 
     def _kept(self, m, control, node, value, until, name):
         """A part of a node's value on the bus, kept until a later cycle: registers, the newest first."""
@@ -329,7 +414,7 @@ class StreamEngine(SystemComponent):
             choice = Array([signs[node][age] for node, age in program.conditions])
             m.d.sync += condition.eq(choice[word.condition.index] ^ word.condition.negate)
 
-    def _outputs(self, m, control, stages, buses):
+    def _outputs(self, m, control, stages, buses, restart):
         """The end of an update: finish, channel, status and outputs."""
         schedule, graph = self._program.schedule, self._program.graph
         m.d.sync += getattr(self, self._system.finish).eq(control.commit)
@@ -342,7 +427,8 @@ class StreamEngine(SystemComponent):
             status = [kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated
                       for name, operand in graph.status.items()]
             shown.append(getattr(self, self._system.status_port).eq(
-                Cat(*(bit & ~control.refuse for bit in status), control.refuse)))
+                Cat(*(bit & ~control.refuse for bit in status), control.refuse,
+                    *([restart] if self._system.restart_after else []))))
         with m.If(control.commit):
             m.d.sync += shown
         for port, node in graph.outputs.items():
@@ -360,22 +446,27 @@ def _turned(address, turn):
 
 class Stages(NamedTuple):
     """Signals by stage of an update: high if an update is in the stage, its channel, bank and freshness of the
-    channel's state, and high if a number was not finite."""
+    channel's state, and their parity when the sample was taken; high if a number was not finite, and if an input was
+    not."""
 
     valid: list[Signal]
     channel: list[Signal]
     bank: list[Signal]
     fresh: list[Signal]
+    parity: list[Signal]
     bad: list[Signal]
+    foreign: list[Signal]
 
 
 class Control(NamedTuple):
-    """Signals of the sequencer: ``upset`` is high if the slot is wrong, ``turn`` counts the intervals for addresses."""
+    """Signals of the sequencer: ``waiting`` while no update is in flight and no sample comes, ``upset`` is high if
+    the slot is wrong, ``turn`` counts the intervals for addresses."""
 
     counter: Signal
     following: Signal
     slot: Signal
     beginning: Signal
+    waiting: Signal
     taken: Signal
     upset: Signal
     turn: Signal

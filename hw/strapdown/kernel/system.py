@@ -10,9 +10,13 @@ from numpy.typing import ArrayLike
 from .numeric import Float64, Twin
 from .operators import integer_bits
 from .pool import Pool
+from .refusals import Refusals
 from .trace import Tracer
 
 __all__ = ["System", "leaves", "matrix", "vector"]
+
+REFUSALS = "refusals in a row"
+"""Name of the count of refusals beside the state; no port or word can have it."""
 
 FIRST_BLOCK, LARGEST_BLOCK = 256, 4096
 """Number of samples of a run that are computed at once: the first, and the greatest."""
@@ -97,6 +101,9 @@ class System:
     status_port : str
         Port of the status bits. A system with a status port refuses an update in which a number is
         not finite. Empty: NaN and infinity propagate to the outputs.
+    restart_after : int
+        Number of updates, refused in a row although every input was finite, after which the state starts again from its
+        reset values. Outputs hold until the next update that is not refused. 0: never.
     """
 
     name: str
@@ -114,6 +121,7 @@ class System:
     reset: dict[str, float] = field(default_factory=dict)
     status: tuple[str, ...] = ()
     status_port: str = ""
+    restart_after: int = 0
 
     def __post_init__(self):
         names = [self.start, self.finish, *self.input_ports, *self.output_ports, *filter(None, [self.status_port])]
@@ -123,6 +131,11 @@ class System:
         if unknown := [word for word in self.reset if word not in words]:
             raise ValueError(f"reset names {unknown[0]!r}, which is not a word of the state")
         object.__setattr__(self, "reset", words | self.reset)
+        if self.restart_after < 0:
+            raise ValueError(f"restart_after must be 0 or more, not {self.restart_after!r}")
+        if self.restart_after and not (self.state and self.status_port):
+            raise ValueError(f"restart_after must be 0, not {self.restart_after!r}: {self.name} has no state, or no "
+                             "status port and so no refused updates")
         for port, bits in self.integers.items():
             if port not in self.input_ports:
                 raise ValueError(f"integers names {port!r}, which is not an input port")
@@ -166,6 +179,12 @@ class System:
         if port in self.integers:
             return np.asarray(values, np.int64).view(np.uint64) & np.uint64((1 << self.integers[port]) - 1)
         return format.to_bits(values)
+
+    def finite_inputs(self, format, inputs):
+        """True where all floating-point inputs are finite, after rounding to a format; integers are."""
+        with np.errstate(all="ignore"):
+            finite = [np.isfinite(format.array(values)) for port, values in inputs.items() if port not in self.integers]
+        return np.logical_and.reduce(np.broadcast_arrays(True, *finite))
 
     @property
     def port_meanings(self):
@@ -320,9 +339,10 @@ class System:
         result : dict
             Maps each output port and state word to an array of the format's dtype, shape (N, ...), with the
             values after each update, and each status name to bools. A refused update (``refused``, if the system has
-            a status port) does not change outputs and state, and has no other status.
+            a status port) does not change outputs and state, and has no other status. ``restarted``, if the system has
+            ``restart_after``, marks the refused updates after which the state has its reset values.
         state : dict
-            State after the last sample, outputs included; another run can continue from it.
+            State after the last sample, outputs and the count of refusals included; another run can continue from it.
 
         Notes
         -----
@@ -339,21 +359,26 @@ class System:
         start = self.trace(pool).reset_outputs | self.reset | (state or {})
         held = {name: np.broadcast_to(fmt.array(start[name]), lanes) for name in (*self.output_ports, *words)}
         before = {word: held[word] for word in words}
+        refusals = np.broadcast_to(start.get(REFUSALS, 0), lanes)
         blocks, first, size = [], 0, FIRST_BLOCK if words else count
         while first < count:
             block = {port: array[first:first + size] for port, array in ports.items()}
-            guess = self._predicted(fmt.dtype, block, before)
+            guess = self._predicted(fmt, block, before, refusals)
             with np.errstate(all="ignore"):
                 twin = self.update_twin(pool, block, guess)
             shape = next(iter(block.values())).shape
             twin = {name: np.broadcast_to(values, shape) for name, values in twin.items()}
             refused = twin.setdefault("refused", np.zeros(shape, bool))
-            after = {word: np.where(refused, guess[word], twin[word]) for word in words}
+            restarted, counts = Refusals(self.restart_after, refusals).updates(refused, self.finite_inputs(fmt, block))
+            after = {word: np.where(restarted, fmt.array(self.reset[word]), np.where(refused, guess[word], twin[word]))
+                     for word in words}
             wrong = np.zeros(shape[0] - 1, bool)
             for word in words:
                 differs = fmt.to_bits(after[word][:-1]) != fmt.to_bits(guess[word][1:])
                 wrong |= differs.any(axis=tuple(range(1, differs.ndim)))
             good = int(wrong.argmax()) + 1 if wrong.any() else shape[0]
+            if self.restart_after:
+                refusals, twin["restarted"] = counts[good - 1], restarted
             blocks.append({name: values[:good] for name, values in (twin | after).items()})
             before = {word: after[word][good - 1] for word in words}
             first, size = first + good, min(2 * good, LARGEST_BLOCK) if words else count
@@ -365,7 +390,7 @@ class System:
             shown = np.concatenate((held[port][None], result[port]))
             result[port] = np.take_along_axis(shown, row, axis=0)
         result |= {name: result[name] & ~refused for name in self.status}
-        return result, {name: result[name][-1] for name in held}
+        return result, {name: result[name][-1] for name in held} | ({REFUSALS: refusals} if self.restart_after else {})
 
     def run_float64(self, inputs, state=None):
         """Updates of the equations in float64, in order: like ``run``, without the circuit's rounding.
@@ -377,6 +402,7 @@ class System:
                                    for port in self.input_ports}).values()]
         start = dict.fromkeys(self.output_ports, 0.0) | self.reset | (state or {})
         held = {name: np.float64(start[name]) for name in (*self.output_ports, *self.reset)}
+        refusals = Refusals(self.restart_after, start.get(REFUSALS, 0))
         rows = []
         with np.errstate(all="ignore"):
             for sample in zip(*columns, strict=True):
@@ -387,11 +413,17 @@ class System:
                     if refused.any():
                         update |= {name: np.where(refused, held.get(name, False), update[name]) for name in update}
                     update["refused"] = refused
+                    if self.restart_after:
+                        finite = np.isfinite(np.broadcast_arrays(*sample)).all(axis=0)
+                        update["restarted"] = refusals.update(refused, finite)
+                        update |= {word: np.where(update["restarted"], reset, update[word])
+                                   for word, reset in self.reset.items()}
                 held = {name: update[name] for name in held}
                 rows.append(update)
         lanes = columns[0].shape[1:]
         result = {name: np.stack([np.broadcast_to(row[name], lanes) for row in rows]) for name in rows[0]}
-        return result, {name: result[name][-1] for name in held}
+        return result, {name: result[name][-1] for name in held} | (
+            {REFUSALS: refusals.count} if self.restart_after else {})
 
     def _samples(self, columns):
         """Input port to its numbers, all of one shape (N, ...). Raises: ValueError if there is no sample."""
@@ -401,13 +433,14 @@ class System:
                              f"not numbers of shape {arrays[0].shape}")
         return dict(zip(columns, arrays, strict=True))
 
-    def _predicted(self, dtype, inputs, state):
+    def _predicted(self, format, inputs, state, refusals):
         """State before each update of a block; nearly always equal to that of the twin.
 
         NumPy rounds as the operators do, except for subnormal numbers and trigonometry.
         """
         if not state:
             return {}
+        dtype, counted = format.dtype, Refusals(self.restart_after, refusals)
         xp, count = Rounded(dtype), len(next(iter(inputs.values())))
         states = {word: np.empty((count, *values.shape), dtype) for word, values in state.items()}
         rows = [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)]
@@ -416,9 +449,12 @@ class System:
                 for word, values in state.items():
                     states[word][index] = values
                 update = self._update(xp, lambda value: value, lambda value: value, row, state)
-                kept = np.isfinite(sum(update[name] for name in (*self.output_ports, *state)) + sum(row.values())) \
+                finite = np.isfinite(sum(row.values()))
+                kept = np.isfinite(sum(update[name] for name in (*self.output_ports, *state))) & finite \
                     if self.status_port else True
-                state = {word: np.where(kept, update[word], values).astype(dtype) for word, values in state.items()}
+                restarts = counted.update(~np.asarray(kept), finite)
+                state = {word: np.where(restarts, self.reset[word], np.where(kept, update[word], values)).astype(dtype)
+                         for word, values in state.items()}
         return states
 
     def _evaluated(self, xp, read_input, read_state):

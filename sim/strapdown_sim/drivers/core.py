@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strapdown.cores import Core
+from strapdown.kernel.refusals import Refusals
 
 from .verilated import Interface, VerilatedModel
 
@@ -83,14 +84,17 @@ class CoreModel:
         before = {word: np.concatenate(([fmt.array(reset)], result[word][:-1])) for word, reset in self._state.items()}
         twin = system.update_twin(self.core.engine.program.schedule.pool, inputs, before)
         refused = twin.get("refused", np.zeros(len(result["cycles"]), dtype=bool))
+        twin["restarted"], _ = Refusals(system.restart_after).updates(refused, system.finite_inputs(fmt, inputs))
         held = {port: fmt.array(value) for port, value in self.core.engine.reset_outputs.items()}
         count = 0
         for name in (*system.output_ports, *self._state):
             previous = before[name] if name in before else np.concatenate(([held[name]], result[name][:-1]))
             expected = np.where(refused, previous, twin[name])
+            if name in before:
+                expected = np.where(twin["restarted"], fmt.array(self._state[name]), expected)
             count += int(np.bitwise_count(fmt.to_bits(expected) ^ fmt.to_bits(result[name])).sum())
         if system.status_port:
-            expected = sum(((twin[name] & ~refused) if name != "refused" else refused).astype(int) << bit
+            expected = sum(((twin[name] & ~refused) if name in system.status else twin[name]).astype(int) << bit
                            for bit, name in enumerate(self.core.engine.status_names) if name in twin)
             count += int(np.bitwise_count(expected ^ result[system.status_port]).sum())
         return count

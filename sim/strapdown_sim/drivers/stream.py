@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strapdown.cores import Core
+from strapdown.kernel.refusals import Refusals
 
 from .verilated import Interface, VerilatedModel
 
@@ -92,22 +93,29 @@ class StreamModel:
         fmt, system = self._format, self.core.system
         channel, epoch = result["out_channel"], np.searchsorted(np.asarray(resets, dtype=int), result["row"])
         before: dict = {word: np.full(len(channel), fmt.array(value)) for word, value in self._state.items()}
-        for own in set(zip(channel.tolist(), epoch.tolist(), strict=True)):
-            rows = np.flatnonzero((channel == own[0]) & (epoch == own[1]))
+        runs = [np.flatnonzero((channel == own[0]) & (epoch == own[1]))
+                for own in set(zip(channel.tolist(), epoch.tolist(), strict=True))]
+        for rows in runs:
             for word, values in before.items():
                 values[rows[1:]] = result[word][rows[:-1]]
         taken = {port: np.asarray(values)[result["row"]] for port, values in inputs.items()}
         twin = system.update_twin(self.core.engine.program.schedule.pool, taken, before)
         refused, count = twin.get("refused", np.zeros(len(channel), dtype=bool)), 0
+        restarted, finite = np.zeros(len(channel), dtype=bool), system.finite_inputs(fmt, taken)
+        for rows in runs:
+            restarted[rows], _ = Refusals(system.restart_after).updates(refused[rows], finite[rows])
+        twin["restarted"] = restarted
         for name in (*system.output_ports, *self._state):
             # Outputs hold the values of the previous update of any channel; zero after a reset.
             held = before.get(name, np.concatenate(([fmt.array(0)], result[name][:-1])))
             if name not in before:
                 held[np.flatnonzero(np.diff(epoch, prepend=-1))] = 0
             expected = np.where(refused, held, twin[name])
+            if name in before:
+                expected = np.where(restarted, fmt.array(self._state[name]), expected)
             count += int(np.bitwise_count(fmt.to_bits(expected) ^ fmt.to_bits(result[name])).sum())
         if not system.status_port:
             return count
-        expected = sum(((twin[name] & ~refused) if name != "refused" else refused).astype(int) << bit
+        expected = sum(((twin[name] & ~refused) if name in system.status else twin[name]).astype(int) << bit
                        for bit, name in enumerate(self.core.engine.status_names))
         return count + int(np.bitwise_count(expected ^ result[system.status_port]).sum())

@@ -1,15 +1,13 @@
 // Upsets the registers of one Verilated core, lets it settle, and looks at its next update. ports.h is that of
-// verilated.cpp, with the registers and their widths, and the memories with their first address to restore.
+// verilated.cpp, with the registers and memories and their widths.
 //
 //   MODEL LIMIT SETTLE
-//                   each row is a seed, a number of cycles, how much to upset (0: one bit, 1: one register, 2: all), the
-//                   number of the register (~0: any), whether starts go on after the upset, and two samples. After a
-//                   reset, starts come at random with either sample for so many cycles; then registers get random
-//                   contents, and SETTLE cycles pass. The answer holds the probes and outputs with the second sample at
-//                   the inputs, the cycles until it is taken, those of its update (0: not within LIMIT), and the
-//                   outputs after it
-//
-// What an upset may have written to memory, beside the state, is put back before the last update: constants lie there.
+//                   each row is a seed, a number of cycles, how much to upset (0: one bit, 1: one register, 2: all
+//                   registers; 3: these and all memories, before a reset), the number of the register (~0: any), whether
+//                   starts go on after the upset, and two samples. After a reset, starts come at random with either
+//                   sample for so many cycles; then comes the upset, and SETTLE cycles pass. The answer holds the probes
+//                   and outputs with the second sample at the inputs, the cycles until it is taken, those of its update
+//                   (0: not within LIMIT), and the outputs after it
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -101,28 +99,42 @@ static void upset(int kind, int chosen) {
 #undef REGISTER
 }
 
+static void power_up() {
+    upset(2, -1);
+#define MEMORY(expression, width) \
+    for (auto &word : dut->rootp->expression.m_storage) upset(word, width, -1);
+    MEMORIES
+#undef MEMORY
+}
+
+static void reset() {
+    dut->RESET = RESET_ACTIVE;
+    for (int cycle = 0; cycle < 3; cycle++) tick();
+    dut->RESET = !RESET_ACTIVE;
+}
+
 int main(int argc, char **argv) {
     if (argc != 3) return 2;
     uint64_t limit = strtoull(argv[1], nullptr, 10), settle = strtoull(argv[2], nullptr, 10);
     dut = new MODEL_TYPE;
     dut->eval();
-    // Memories as they are at power-up.
-#define MEMORY(name, expression, first) auto name = dut->rootp->expression;
-    MEMORIES
-#undef MEMORY
     constexpr int columns = 5 + 2 * INPUT_COUNT;
     uint64_t row[columns], out[PROBE_COUNT + 2 * OUTPUT_COUNT + 2];
     const uint64_t *first = row + 5, *second = first + INPUT_COUNT;
     while (fread(row, sizeof *row, columns, stdin) == columns) {
         generator.seed(row[0]);
         dut->START = 0;
-        dut->RESET = RESET_ACTIVE;
-        for (int cycle = 0; cycle < 3; cycle++) tick();
-        dut->RESET = !RESET_ACTIVE;
+        reset();
         for (uint64_t cycle = 0; cycle < row[1]; cycle++) random_start(first, second);
-        upset(row[2], row[3]);
         dut->START = 0;
-        for (uint64_t cycle = 0; cycle < settle; cycle++) {
+        if (row[2] == 3) {
+            power_up();
+            reset();
+        } else {
+            upset(row[2], row[3]);
+        }
+        // The fourth edge after a reset may take a start.
+        for (uint64_t cycle = 0; cycle < (row[2] == 3 ? 3 : settle); cycle++) {
             if (row[4]) random_start(first, second);
             else tick();
         }
@@ -138,11 +150,6 @@ int main(int argc, char **argv) {
         PROBES
 #undef PROBE
         next = sample(next);
-#define MEMORY(name, expression, first) \
-        for (std::size_t word = first; word < sizeof name.m_storage / sizeof name.m_storage[0]; word++) \
-            dut->rootp->expression[word] = name[word];
-        MEMORIES
-#undef MEMORY
         dut->START = 1;
         dut->eval();
         *next++ = waited;

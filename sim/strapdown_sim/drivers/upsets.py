@@ -1,7 +1,6 @@
 """A core whose registers get other contents, in Verilator: how it settles, and its next update."""
 
 import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -15,22 +14,23 @@ from strapdown.cores import Core
 from . import storage
 from .verilated import Interface, VerilatedModel
 
-__all__ = ["ALL", "BIT", "REGISTER", "UpsetModel"]
+__all__ = ["ALL", "BIT", "POWER_UP", "REGISTER", "UpsetModel"]
 
-BIT, REGISTER, ALL = range(3)
-"""What an upset reaches: one bit, one register, or every register of the core."""
+BIT, REGISTER, ALL, POWER_UP = range(4)
+"""What an upset reaches: one bit, one register, or every register of the core; or all registers and memories, before a
+reset, as after a power-up without initial contents."""
 
 
 @dataclass(frozen=True)
 class UpsetInterface(Interface):
-    """Ports of a module, with the registers to write and the memories to restore.
+    """Ports of a module, with the registers and the memories to write.
 
     Parameters
     ----------
     registers : dict
         Register as (module, variable, C++ expression) to its width.
     memories : dict
-        Memory, in the same way, to the first address to restore.
+        Memory, in the same way, to the width of its words.
     """
 
     registers: dict[tuple[str, str, str], int] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class UpsetInterface(Interface):
 
     def header(self):
         registers = " ".join(f"REGISTER({path}, {width})" for (_, _, path), width in self.registers.items())
-        memories = " ".join(f"MEMORY({name}, {path}, {first})" for (_, name, path), first in self.memories.items())
+        memories = " ".join(f"MEMORY({path}, {width})" for (_, _, path), width in self.memories.items())
         return f"{super().header()}#define REGISTERS {registers}\n#define MEMORIES {memories}\n"
 
 
@@ -85,11 +85,10 @@ class UpsetModel(VerilatedModel):
         for word, address in program.state.items():
             probes |= {f"{word}.{bank}": variable(memory, f"[{address} + 2 * {channel} + {bank}]") for bank in (0, 1)}
         text = Path(verilog).read_text(encoding="utf-8")
-        kept = program.upper if several else program.state_words
-        memories = {variable(name): kept for name in (memory, "signs") if re.search(rf" {name} \[", text)}
         outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
-        registers = {(place.module, place.variable, place.path): place.width
-                     for place in storage.storage(text, system.name) if place.kind == storage.REGISTER}
+        registers, memories = ({(place.module, place.variable, place.path): place.width
+                                for place in storage.storage(text, system.name) if place.kind == kind}
+                               for kind in (storage.REGISTER, storage.MEMORY))
         self.registers = tuple(f"{module}.{name}" for module, name, _ in registers)
         super().__init__(verilog, UpsetInterface(
             system.name, (*system.input_ports, *(["in_channel"] if several else [])), outputs, start=system.start,
@@ -105,7 +104,7 @@ class UpsetModel(VerilatedModel):
         Parameters
         ----------
         seeds, cycles, kinds : ndarray of int
-            Shape (N,); ``kinds`` are BIT, REGISTER or ALL.
+            Shape (N,); ``kinds`` are BIT, REGISTER, ALL or POWER_UP.
         samples : dict
             Input port to numbers or integers, shape (N, 2): those before the upset and those after it.
         register : str or None
