@@ -79,13 +79,15 @@ class Schedule:
 
     @property
     def section_ends(self):
-        """Last cycle of each section: the cycle of its last issue; for the last section, the end of the schedule.
+        """Last cycle of each section: that of its last operation, but each later section has a cycle, too; for the last
+        section, the end of the schedule.
 
-        Steps of a section may be issued earlier, together with those of the previous section.
+        Operations of a section may be issued earlier, together with those of the previous section.
         """
-        ends, end = [], -1
-        for section in self.graph.sections:
-            end = max([end + 1, *(step.issue for step in self.steps if step.node.section == section)])
+        sections, ends, end = self.graph.sections, [], -1
+        for later, section in zip(reversed(range(len(sections))), sections, strict=True):
+            issues = (step.issue for step in self.steps if step.node.computed and step.node.section == section)
+            end = min(max([end + 1, *issues]), self.length - 1 - later)
             ends.append(end)
         return (*ends[:-1], self.length - 1)
 
@@ -173,6 +175,7 @@ class Schedule:
         """Raise AssertionError if the engine cannot run the schedule."""
         machine, written = self.machine, self.written
         assert len(written) == len(self.steps), "a node is scheduled twice"
+        assert sorted({*self.section_ends}) == [*self.section_ends], "a section ends before it begins"
         assert set(written) == {node for node in self.graph.nodes if machine.needs_step(node)}, "a node is missing"
         self._verify_resources()
         self._verify_operands()
