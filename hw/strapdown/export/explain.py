@@ -52,8 +52,9 @@ def explain_line(program, file, place):
         A line of the file, or the name of a function in it.
     """
     for step in program.schedule.steps:
-        if any(f"/{origin.file}".endswith(f"/{file}") and place in (origin.line, origin.function)
-               for origin in step.node.origin):
+        if step.node.computed and any(
+                f"/{origin.file}".endswith(f"/{file}") and place in (origin.line, origin.function)
+                for origin in step.node.origin):
             target = program.place(step.node) if step.stored else "its reader"
             yield f"cycles {step.issue:>4} to {step.write:>4}  {step.unit}: {_operation(program, step)} -> {target}"
 
