@@ -116,9 +116,10 @@ class UpdateRecovery(_Update):
 class UpdateTiming(_Update):
     """A ready Engine takes a start and finishes ``latency`` edges later; an END in another cycle is not complete.
 
-    An update is in step if its state, its counters and its words are those of one cycle of the schedule. The edge that
-    takes a start leads to an update in step with ``latency`` remaining edges. From there each edge leads to an
-    update in step with one less, and the finish rises when none remains.
+    The edge that takes a start leads to an update with ``latency`` remaining edges. From there each edge leads to one
+    less, whatever the words from the ROM, and the finish rises when none remains. An update is in step if its state,
+    its counters and its words are those of one cycle of the schedule. The first state of an update is in step, and all
+    that follow, and its END is complete.
     """
 
     def in_step(self, s):
@@ -139,10 +140,12 @@ class UpdateTiming(_Update):
 
     def claims(self, m, s):
         remaining, in_step, word = self.remaining(s), self.in_step(s), self.engine.program.layout(s["word"])
-        earlier, was_in_step = before(m, remaining), before(m, in_step)
+        in_update = (s["state"] != 0) & (s["state"] <= self.end) & ~self.finish
+        earlier, was_in_update, was_in_step = before(m, remaining), before(m, in_update), before(m, in_step)
         last = (s["state"] == self.end - 1) & word.advance & (s["left"] < 0)
         return [implies(before(m, self.ready(s) & self.start), in_step & (remaining == self.engine.latency)),
-                implies(was_in_step, (remaining == earlier - 1) & (self.finish == (remaining == 0))),
+                implies(in_step, in_update),
+                implies(was_in_update, (remaining == earlier - 1) & Mux(remaining == 0, self.finish, in_update)),
                 implies(was_in_step & (remaining != 0), in_step),
                 implies(s["complete"], before(m, last))], was_in_step & self.finish
 
