@@ -117,11 +117,11 @@ class Place:
 
 def strapdown(words, place):
     """Run the command itself."""
-    (place.folder / "flight.csv").write_text(recording())
+    (place.folder / "flight.csv").write_text(recording(), encoding="utf-8")
     (place.folder / "recorded.bin").write_bytes(frames())
     page = (ROOT / "docs" / "kernels.md").read_text(encoding="utf-8")
-    (place.folder / "my_core.py").write_text(own_kernel(page))
-    (place.folder / "my_operator.py").write_text(own_operator(page))
+    (place.folder / "my_core.py").write_text(own_kernel(page), encoding="utf-8")
+    (place.folder / "my_operator.py").write_text(own_operator(page), encoding="utf-8")
     place.stand_in("strapdown_sim.replay.CoreModel", TwinModel)
     # The Verilog would take most of the time; other tests make and compare it.
     place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
@@ -214,7 +214,8 @@ def faults(words, place):
     place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
     place.stand_in("strapdown_lab.faults.campaign.FaultModel", UpsetNothing)
     place.invoke(flips, words)
-    assert json.loads((place.folder / "build" / "faults" / "thesis.json").read_text())["faults"] == 10_000
+    record = place.folder / "build" / "faults" / "thesis.json"
+    assert json.loads(record.read_text(encoding="utf-8"))["faults"] == 10_000
 
 
 def make(words, place):

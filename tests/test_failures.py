@@ -89,7 +89,7 @@ def test_a_compiler_that_fails_is_one_line(recording, tmp_path, monkeypatch):
     compiler = tmp_path / "bin" / "g++"
     compiler.parent.mkdir()
     compiler.write_text("#!/bin/sh\necho 'x.cpp: In function f' >&2\necho 'x.cpp:1: fatal error: no room' >&2\n"
-                        "exit 3\n")
+                        "exit 3\n", encoding="utf-8")
     compiler.chmod(0o755)
     monkeypatch.setenv("PATH", f"{compiler.parent}{os.pathsep}{os.environ['PATH']}")
     assert_one_line(replay(recording(), tmp_path / "out"),
@@ -202,7 +202,8 @@ main()
 def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
     """A model that would run for a minute, and a signal that reaches the command only."""
     model, started = tmp_path / "model", tmp_path / "started"
-    model.write_text(f"#!/bin/sh\necho $$ > {started}.new\nmv {started}.new {started}\nexec sleep 60\n")
+    model.write_text(
+        f"#!/bin/sh\necho $$ > {started}.new\nmv {started}.new {started}\nexec sleep 60\n", encoding="utf-8")
     model.chmod(0o755)
     command = [sys.executable, "-c", WAITING, model, "replay", recording(), "--output", tmp_path / "out",
                "--build", tmp_path / "build"]
@@ -218,7 +219,7 @@ def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
         assert process.communicate(timeout=30)[1] == "strapdown: interrupted\n"
     assert process.returncode == 130
     with pytest.raises(ProcessLookupError):
-        os.kill(int(started.read_text()), 0)
+        os.kill(int(started.read_text(encoding="utf-8")), 0)
     assert not (tmp_path / "out").exists()
 
 
@@ -238,7 +239,7 @@ def test_samples_are_counted_by_the_status_of_their_update(recording, tmp_path, 
                       7: "0,0,0,0,0,1,0,0,0", 8: "0,0,0,0,0,1,0,0,0", 9: "0,0,0,0,0,1,0,0,0"})
     result = replay(path, tmp_path / "out")
     assert result.exit_code == 0, result.output
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["refused_updates"] == 3
     assert summary["updates_by_status"] == {
         "accelerometer_missing": 2, "magnetometer_missing": 4, "refused": 3, "ignored": 0,
@@ -252,7 +253,7 @@ def test_rejected_and_out_of_range_samples_are_counted(recording, tmp_path, twin
     path = recording({10: "2500,0,0,0,0,1,20,0,-40"})
     result = run("replay", path, "--config", "flight", "--output", tmp_path / "out")
     assert result.exit_code == 0, result.output
-    status = json.loads((tmp_path / "out" / "summary.json").read_text())["updates_by_status"]
+    status = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["updates_by_status"]
     assert status["range_exceeded"] == 1
     assert "updates with status: range exceeded" in result.stdout
     assert set(status) == {"accelerometer_missing", "magnetometer_missing", "starting", "at_rest",
@@ -263,7 +264,7 @@ def test_an_update_that_is_always_refused_is_an_error(recording, tmp_path, twin)
     result = replay(recording(dict.fromkeys(range(COUNT), "1e39,0,0,0,0,1,20,0,-40")), tmp_path / "out")
     assert_one_line(result, "all updates were refused: numbers are not finite, or too large for the core's format, so "
                             "the outputs are those after reset")
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["refused_updates"] == COUNT
+    assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["refused_updates"] == COUNT
 
 
 def strict(text):
@@ -281,7 +282,7 @@ def test_a_reference_without_a_valid_sample_gives_valid_json(tmp_path, twin):
     assert result.exit_code == 0, result.output
     assert re.search(r"^rotation angle to recorded reference +none: it has no valid sample$", result.stdout,
                      re.MULTILINE)
-    recorded = strict((tmp_path / "out" / "summary.json").read_text())["against_recorded_reference_deg"]
+    recorded = strict((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["against_recorded_reference_deg"]
     assert (recorded["samples"], recorded["total_rms"], recorded["total_median"]) == (0, None, None)
 
 

@@ -13,10 +13,10 @@ def test_written_whole_or_not_at_all(tmp_path, is_folder):
         if is_folder:
             path.mkdir()
             path /= "file"
-        path.write_text(text)
+        path.write_text(text, encoding="utf-8")
 
     def read():
-        return (target / "file" if is_folder else target).read_text()
+        return (target / "file" if is_folder else target).read_text(encoding="utf-8")
 
     with written_whole(target) as partial:
         write(partial, "first")
@@ -41,9 +41,9 @@ def test_files_take_their_places_together_or_not_at_all(tmp_path):
 
     def write(text, *, cut_off=False):
         with written_together(folder) as partial:
-            (partial / "a").write_text(text)
-            assert not (folder / "b").exists() or (folder / "b").read_text() != text
-            (partial / "b").write_text(text)
+            (partial / "a").write_text(text, encoding="utf-8")
+            assert not (folder / "b").exists() or (folder / "b").read_text(encoding="utf-8") != text
+            (partial / "b").write_text(text, encoding="utf-8")
             if cut_off:
                 raise KeyboardInterrupt
 
@@ -51,11 +51,11 @@ def test_files_take_their_places_together_or_not_at_all(tmp_path):
         write("half", cut_off=True)
     assert list(tmp_path.iterdir()) == []
     write("first")
-    (folder / "other").write_text("of the user")
+    (folder / "other").write_text("of the user", encoding="utf-8")
     with pytest.raises(KeyboardInterrupt):
         write("half", cut_off=True)
-    write_of = {path.name: path.read_text() for path in folder.iterdir()}
+    write_of = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
     assert write_of == {"a": "first", "b": "first", "other": "of the user"}
     write("second")
-    assert {path.name: path.read_text() for path in folder.iterdir()} == {
+    assert {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()} == {
         "a": "second", "b": "second", "other": "of the user"}

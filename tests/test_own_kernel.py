@@ -26,14 +26,14 @@ HEADER = ("Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),
 
 @pytest.fixture(scope="module")
 def page(root):
-    return (root / "docs" / "kernels.md").read_text()
+    return (root / "docs" / "kernels.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def folder(page, tmp_path, monkeypatch):
     """A folder outside the checkout with my_core.py in it."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_core.py").write_text(docs.own_kernel(page))
+    (tmp_path / "my_core.py").write_text(docs.own_kernel(page), encoding="utf-8")
     return tmp_path
 
 
@@ -91,7 +91,7 @@ def test_low_pass_and_steep_field(my_core):
 def test_every_command_of_the_section(page, folder, root):
     rows = [f"{k / RATE_HZ:.2f},0,0,0,{a},{b},{c},{x},{y},{z}" for k, ((a, b, c), (x, y, z)) in enumerate(zip(
         attitudes(100)[:, 2] * GRAVITY, attitudes(100)[:, 0] * 40, strict=True))]
-    (folder / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+    (folder / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
     section = page[page.index("\n## A kernel of your own\n"):]
     commands = re.findall(r"^strapdown (.*?)(?:\s+#.*)?$", re.search(r"```sh\n(.*?)```", section, re.DOTALL)[1],
                           re.MULTILINE)
@@ -105,7 +105,7 @@ def test_every_command_of_the_section(page, folder, root):
     assert "//   heading: Heading of body x: atan2(|up| east_x, north_x)" in verilog
     assert str(folder) not in verilog
     assert "my_core.py:" in printed["explain my_core.py:COMPASS --cycle 20"]
-    assert json.loads((folder / "out" / "summary.json").read_text())["bits_differing_from_twin"] == 0
+    assert json.loads((folder / "out" / "summary.json").read_text(encoding="utf-8"))["bits_differing_from_twin"] == 0
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "COMPASS_top.json", "COMPASS_top.v", "outputs.csv", "outputs.png", "summary.json"]
     table = np.genfromtxt(folder / "out" / "outputs.csv", delimiter=",", names=True)
@@ -130,15 +130,15 @@ def test_the_same_inside_the_tree(page, folder, root):
     tree = folder / "tree" / "strapdown"
     shutil.copytree(root / "hw" / "strapdown", tree, ignore=shutil.ignore_patterns("__pycache__"))
     equations, system = docs.own_kernel(page).split("\n\n\nfrom pydantic", maxsplit=1)
-    (tree / "algorithms" / "compass.py").write_text(equations + "\n")
+    (tree / "algorithms" / "compass.py").write_text(equations + "\n", encoding="utf-8")
     (tree / "cores" / "compass.py").write_text(
         "import math\nfrom strapdown.algorithms.compass import compass_update, heading, tilt, vertical\n"
-        f"from pydantic{system}")
+        f"from pydantic{system}", encoding="utf-8")
     catalogue = tree / "cores" / "catalogue.py"
-    text = catalogue.read_text()
+    text = catalogue.read_text(encoding="utf-8")
     assert text.count("SINS_DAMPED)") == 1
     catalogue.write_text(text.replace("SINS_DAMPED)", "SINS_DAMPED, COMPASS)").replace(
-        "from .core import", "from .compass import COMPASS\nfrom .core import", 1))
+        "from .core import", "from .compass import COMPASS\nfrom .core import", 1), encoding="utf-8")
     for target, path in ("compass", {"PYTHONPATH": str(tree.parent)}), ("my_core.py:COMPASS", {}):
         subprocess.run([sys.executable, "-m", "strapdown", "generate", target, "--output", target.partition(".")[0]],
                        cwd=folder, env=os.environ | path, check=True, capture_output=True)

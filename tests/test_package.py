@@ -83,7 +83,7 @@ def test_installed_wheel_lists_generates_and_replays(root, distributions, tmp_pa
     assert "module INS_top(" in verilog.read_text(encoding="ascii")
 
     rows = [f"{k / 100:.2f},1,2,3,0.01,0.02,1,20,1,-40" for k in range(100)]
-    (tmp_path / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+    (tmp_path / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
     strapdown("replay", "flight.csv", "--config", "mahony", "--output", "out")
     attitude = np.genfromtxt(tmp_path / "out" / "attitude.csv", delimiter=",", names=True)
     assert len(attitude) == 100

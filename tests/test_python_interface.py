@@ -12,10 +12,10 @@ HEADER = ("Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),
 
 @pytest.mark.verilator
 def test_the_page_runs_from_top_to_bottom(root, tmp_path):
-    page = (root / "docs" / "python.md").read_text()
+    page = (root / "docs" / "python.md").read_text(encoding="utf-8")
     code = "\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
     rows = [f"{k / 256:.6f},0,0,30,0,0,1" for k in range(64)]
-    (tmp_path / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n")
+    (tmp_path / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     modules, cycles, difference, circuit, replayed, adder = done.stdout.splitlines()

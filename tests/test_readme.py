@@ -9,12 +9,12 @@ from strapdown_lab.checkout import block
 
 
 def test_table_of_modules(root, make_core):
-    found = block((root / "README.md").read_text(), "modules")
+    found = block((root / "README.md").read_text(encoding="utf-8"), "modules")
     assert found[1].strip() == docs.modules_block(make_core)
 
 
 def test_table_of_configurations(root, make_core):
-    found = block((root / "README.md").read_text(), "configurations")
+    found = block((root / "README.md").read_text(encoding="utf-8"), "configurations")
     assert found[1].strip() == docs.configurations_block(make_core)
 
 
@@ -33,9 +33,9 @@ def test_tables_of_pages(root, make_core, page, blocks):
 
 
 def test_links_lead_somewhere(root):
-    for target in re.findall(r"\]\(([^)]+)\)", (root / "README.md").read_text()):
+    for target in re.findall(r"\]\(([^)]+)\)", (root / "README.md").read_text(encoding="utf-8")):
         file, _, section = target.partition("#")
         assert (root / file).exists(), target
         if section:
-            titles = re.findall(r"^#+ (.+)", (root / file).read_text(), re.MULTILINE)
+            titles = re.findall(r"^#+ (.+)", (root / file).read_text(encoding="utf-8"), re.MULTILINE)
             assert section in [title.lower().replace(" ", "-") for title in titles], target

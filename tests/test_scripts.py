@@ -20,10 +20,10 @@ def machine(tmp_path):
             path.chmod(0o755)
         log = tmp_path / "log"
         log.touch()
-        with log.open("a") as output:
+        with log.open("a", encoding="utf-8") as output:
             done = subprocess.run(["/bin/sh", "scripts/install_icarus.sh"], stdout=output, check=False,
                                   env={"PATH": str(tmp_path), "LOG": str(log)})
-        return log.read_text().splitlines(), done.returncode
+        return log.read_text(encoding="utf-8").splitlines(), done.returncode
     return run
 
 

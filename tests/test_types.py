@@ -62,10 +62,10 @@ accuracy.measure(1)
 
 def test_wrong_calls_are_errors_and_right_ones_are_not(root, tmp_path):
     source = tmp_path / "calls.py"
-    source.write_text(HEAD + RIGHT + WRONG)
+    source.write_text(HEAD + RIGHT + WRONG, encoding="utf-8")
     done = subprocess.run([sys.executable, "-m", "mypy", "--config-file", root / "pyproject.toml", source], cwd=root,
                           capture_output=True, text=True, check=False)
-    lines = source.read_text().splitlines()
+    lines = source.read_text(encoding="utf-8").splitlines()
     found = {lines[int(line) - 1] for line in re.findall(r"calls\.py:(\d+): error", done.stdout)}
     assert found == set(WRONG.splitlines()), done.stdout + done.stderr
     assert not re.search(r"^(?!.*calls\.py).*: error", done.stdout, re.MULTILINE), done.stdout

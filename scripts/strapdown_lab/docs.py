@@ -52,7 +52,8 @@ def modules_block(make_core=make_core):
 def configurations_block(make_core=make_core):
     """Table of the configurations: top module, cycles, and measured figures."""
     report = ROOT / "docs" / "report" / "cores.json"
-    measured = {row["config"]: row for row in json.loads(report.read_text())["cores"]} if report.exists() else {}
+    figures = json.loads(report.read_text(encoding="utf-8")) if report.exists() else {"cores": []}
+    measured = {row["config"]: row for row in figures["cores"]}
     rows = []
     for config in CONFIGS.values():
         module = main_module(config)
@@ -181,7 +182,7 @@ def compass_block():
 
 def report_blocks():
     """Tables of docs/report.md, by the name of their block."""
-    cores, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text())
+    cores, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
                         for name in ("cores", "operators"))
     return {"flow": flow_lines(cores), "cores": core_table(cores), "public cores": anchor_table(),
             "operators": operator_tables(operators)}
@@ -195,7 +196,7 @@ def family_blocks():
 
 def accuracy_blocks():
     """Tables of docs/flight.md, by the name of their block."""
-    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text())
+    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text(encoding="utf-8"))
     return {f"{figure} error": figure_table(result, figure) for figure in ("total", "inclination")}
 
 
@@ -219,7 +220,7 @@ def parts_block():
 def operator_pages():
     """Pages of docs/operators, by the name of their operator, with measured resources if available."""
     figures = ROOT / "docs" / "report" / "operators.json"
-    report = json.loads(figures.read_text()) if figures.exists() else None
+    report = json.loads(figures.read_text(encoding="utf-8")) if figures.exists() else None
     return {name: page_text(page, report) for name, page in PAGES.items()}
 
 
@@ -241,7 +242,7 @@ def main():
     write_blocks(ROOT / "docs" / "operators.md", {"vendor operators": vendor_block()})
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
-        (ROOT / "docs" / "operators" / f"{name}.md").write_text(text)
+        (ROOT / "docs" / "operators" / f"{name}.md").write_text(text, encoding="utf-8")
     write_blocks(ROOT / "docs" / "operators" / "README.md", operator_index_blocks())
     write_blocks(ROOT / "docs" / "faults.md", faults_blocks())
     figures = ROOT / "docs" / "report"

@@ -39,7 +39,7 @@ class Cache:
         path = self._directory / name
         self._directory.mkdir(parents=True, exist_ok=True)
         # If several processes need the same result, one makes it and the others wait.
-        with path.with_name(f"{name}.lock").open("w") as lock:
+        with path.with_name(f"{name}.lock").open("w", encoding="utf-8") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not path.exists():
                 with written_whole(path) as partial:

@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +71,7 @@ def test_ports_are_those_of_the_rtl(make_core, written, module):
                      for name in RTL_PORTS[module].split()}
     assert {len(getattr(core, name)) for name in flows if SINGLE.fullmatch(name)} == {1}
     assert {len(getattr(core, name)) for name in flows if not SINGLE.fullmatch(name)} == {32}
-    description = json.loads((written[THESIS_RTL_PORTS] / f"{module}.json").read_text())
+    description = json.loads((written[THESIS_RTL_PORTS] / f"{module}.json").read_text(encoding="utf-8"))
     assert [port["name"] for port in description["ports"]] == [port.name for port in core.ports]
 
 
@@ -79,7 +80,8 @@ def test_command_line(written, tmp_path, monkeypatch):
     for ports, folder in ([], "thesis"), (["--ports", "thesis-rtl"], "thesis-thesis-rtl"):
         result = CliRunner().invoke(main, ["generate", "INS_quat", *ports])
         assert result.output == f"build/verilog/{folder}/INS_quat.v  115 cycles\n"
-        description = json.loads((tmp_path / "build" / "verilog" / folder / "INS_quat.json").read_text())
+        file = tmp_path / "build" / "verilog" / folder / "INS_quat.json"
+        description = json.loads(file.read_text(encoding="utf-8"))
         command = shlex.join(["strapdown", "generate", "--config", "thesis", *ports, "--module", "INS_quat"])
         assert description["command_line"] == command
         assert [row["name"] for row in description.get("parameters", ())] == (["PERIOD", "HPERIOD"] if ports else [])
@@ -191,10 +193,10 @@ def yosys(directory):
                          ids=["icarus", "verilator", "yosys"])
 def test_another_parameter_stops_a_tool(written, tmp_path, tool, cases):
     for module, parameter, right, wrong, message in cases:
-        (tmp_path / "module.v").write_text((written[THESIS_RTL_PORTS] / f"{module}.v").read_text())
-        (tmp_path / "user.v").write_text(instance(module, parameter, right))
+        shutil.copyfile(written[THESIS_RTL_PORTS] / f"{module}.v", tmp_path / "module.v")
+        (tmp_path / "user.v").write_text(instance(module, parameter, right), encoding="utf-8")
         tool(tmp_path)
-        (tmp_path / "user.v").write_text(instance(module, parameter, wrong))
+        (tmp_path / "user.v").write_text(instance(module, parameter, wrong), encoding="utf-8")
         with pytest.raises(ToolError, match=message):
             tool(tmp_path)
 

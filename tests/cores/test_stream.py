@@ -66,7 +66,7 @@ def test_ports_are_those_of_ins_top_with_a_channel(core):
 
 
 def test_file_explains_itself(core, verilog):
-    text = verilog.read_text()
+    text = verilog.read_text(encoding="utf-8")
     header = text[:text.index("module ")]
     for port in core.signature.members:
         assert re.search(rf"^//   {port} ", header, re.MULTILINE), port

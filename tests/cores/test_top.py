@@ -109,8 +109,8 @@ class Described(Wrapper):
 def test_a_wrapper_describes_itself(make_core, tmp_path):
     top = Top(Described(make_core("INS_matx", THESIS).engine))
     path = write(top, tmp_path, command="as in this test", config=THESIS)
-    header, verilog = path.read_text().split("\nmodule ", 1)
-    told = json.loads(path.with_suffix(".json").read_text())
+    header, verilog = path.read_text(encoding="utf-8").split("\nmodule ", 1)
+    told = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert path.name == f"{told['module']}.v" == "INS_matx_more.v"
     assert header.startswith("// INS_matx_more: more of it\n")
     assert "\n// EQUATIONS\n//   matrix_from_quaternion: " in header

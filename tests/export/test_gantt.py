@@ -36,6 +36,6 @@ def test_several_updates_in_flight_are_summed_up_and_drawn(tmp_path):
     assert any("pair of buses" in line for line in lines)
     assert all(float(line.split("%")[0]) <= 100 for line in lines if "%" in line)
     schedule_picture(schedule, schedule.length + 1, "INS_top_x8", tmp_path / "picture.svg")
-    drawn = (tmp_path / "picture.svg").read_text()
+    drawn = (tmp_path / "picture.svg").read_text(encoding="utf-8")
     # A line at the start of each further update: matplotlib draws dotted lines with dashes.
     assert drawn.count("stroke-dasharray") == (schedule.length - 1) // schedule.interval

@@ -28,7 +28,8 @@ BIG = 3e38
 def config(root, tmp_path, monkeypatch):
     """The configuration in the page's file, which is loaded anew for each test."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_operator.py").write_text(own_operator((root / "docs" / "kernels.md").read_text()))
+    page = (root / "docs" / "kernels.md").read_text(encoding="utf-8")
+    (tmp_path / "my_operator.py").write_text(own_operator(page), encoding="utf-8")
     return named_configuration("my_operator.py:PERIMETER")
 
 

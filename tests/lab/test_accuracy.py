@@ -54,8 +54,8 @@ def test_table_has_a_row_a_recording_and_its_best_in_bold():
 
 def test_files(tmp_path):
     path = accuracy.write_accuracy(made_up(), tmp_path)
-    assert json.loads((tmp_path / "accuracy.json").read_text()) == made_up()
-    assert "Not scored, because they have no reference orientation: `four`." in path.read_text()
+    assert json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8")) == made_up()
+    assert "Not scored, because they have no reference orientation: `four`." in path.read_text(encoding="utf-8")
     assert (tmp_path / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -70,6 +70,6 @@ def test_a_reference_without_a_valid_sample_is_none(tmp_path, monkeypatch):
 
 
 def test_tables_in_the_docs_are_those_of_the_figures(root):
-    text = (root / "docs" / "flight.md").read_text()
+    text = (root / "docs" / "flight.md").read_text(encoding="utf-8")
     for name, content in docs.accuracy_blocks().items():
         assert block(text, name)[1].strip() == content

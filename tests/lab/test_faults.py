@@ -92,7 +92,7 @@ class Invented:
 def invented(monkeypatch):
     def write(core, config, folder, command):
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "a.v").write_text("module a;\nendmodule\n")
+        (folder / "a.v").write_text("module a;\nendmodule\n", encoding="utf-8")
         return folder / "a.v"
 
     monkeypatch.setattr(campaign, "write_core", write)
@@ -112,10 +112,10 @@ def test_an_interrupted_campaign_continues(invented, monkeypatch, tmp_path, make
     with pytest.raises(KeyboardInterrupt):
         run("a", 700)
     (file,) = (tmp_path / "a").glob("*.csv")
-    kept = len(file.read_text().splitlines())
+    kept = len(file.read_text(encoding="utf-8").splitlines())
     assert kept == 500
     # A line that was not written to its end.
-    with file.open("a") as lines:
+    with file.open("a", encoding="utf-8") as lines:
         lines.write("650,1,")
     monkeypatch.setattr(invented, "until", 1 << 60)
     monkeypatch.setattr(invented, "asked", 0)
@@ -131,7 +131,7 @@ def test_an_interrupted_campaign_continues(invented, monkeypatch, tmp_path, make
 def test_the_command(invented, monkeypatch, tmp_path):
     arguments = ["--config", "quaternion_j3", "--count", "40", "--output", str(tmp_path)]
     result = CliRunner().invoke(main, arguments)
-    report = json.loads((tmp_path / "quaternion_j3.json").read_text())
+    report = json.loads((tmp_path / "quaternion_j3.json").read_text(encoding="utf-8"))
     # Bit 4 of the memory is stuck, in these invented verdicts.
     assert result.exit_code == bool(report["harmful"]) == 1
     assert result.stderr.startswith("stuck: b.y, row ")
@@ -212,7 +212,7 @@ FIGURES = sorted((ROOT / "docs" / "faults").glob("*.json"))
 
 @pytest.mark.parametrize("file", FIGURES, ids=lambda file: file.stem)
 def test_figures_are_of_these_circuits(file, make_core):
-    report, config = json.loads(file.read_text()), CONFIGS[file.stem]
+    report, config = json.loads(file.read_text(encoding="utf-8")), CONFIGS[file.stem]
     circuit = core_circuit(make_core(main_module(config), config), config)
     assert report["verilog_sha256"] == digest(circuit), f"make faults CONFIG={config.name} finds them again"
     assert harmful(report, config) == []

@@ -38,7 +38,7 @@ def test_every_operator_has_a_page():
 
 
 def test_pages_are_those_of_this_commit(root):
-    pages = {path.stem: path.read_text() for path in (root / "docs" / "operators").glob("*.md")}
+    pages = {path.stem: path.read_text(encoding="utf-8") for path in (root / "docs" / "operators").glob("*.md")}
     index = pages.pop("README")
     written = docs.operator_pages()
     assert pages.keys() == written.keys()
@@ -49,7 +49,7 @@ def test_pages_are_those_of_this_commit(root):
 
 def test_linked_files_exist(root):
     for page in (root / "docs" / "operators").glob("*.md"):
-        for target in re.findall(r"\]\(([^)#]+)", page.read_text()):
+        for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
 
 

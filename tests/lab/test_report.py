@@ -195,7 +195,7 @@ def figures():
     """The figures in docs/, by the name of the file."""
     if not FIGURES.is_dir():
         pytest.skip("docs/report is not there yet: make report writes it.")
-    return {path.stem: json.loads(path.read_text()) for path in FIGURES.glob("*.json")}
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in FIGURES.glob("*.json")}
 
 
 def test_figures_of_cores_are_of_these_circuits(figures, make_core):
@@ -221,7 +221,7 @@ def test_figures_of_operators_are_of_these_circuits(figures):
 
 
 def test_tables_in_the_docs_are_those_of_the_figures(root, figures):
-    text = (root / "docs" / "report.md").read_text()
+    text = (root / "docs" / "report.md").read_text(encoding="utf-8")
     for name, content in docs.report_blocks().items():
         assert block(text, name)[1].strip() == content
 

@@ -43,7 +43,7 @@ def frames(numbers):
 
 
 def table(path):
-    with path.open(newline="") as file:
+    with path.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
     return header, rows
 
@@ -97,7 +97,7 @@ def test_pseudo_terminal(frames, numbers, tmp_path):
             os.write(master, data[start:start + 500])
         # The received frames are in the file before the end.
         limit = time.monotonic() + 30
-        while not (output.exists() and len(output.read_text().splitlines()) == COUNT + 1):
+        while not (output.exists() and len(output.read_text(encoding="utf-8").splitlines()) == COUNT + 1):
             assert time.monotonic() < limit
             assert process.poll() is None
             time.sleep(0.05)
@@ -160,14 +160,14 @@ def test_bytes_without_a_frame_are_an_error(tmp_path, monkeypatch):
     """A file of before stays, and no empty one is made."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "line.bin").write_bytes(np.random.default_rng(2).bytes(5000))
-    (tmp_path / "nav.csv").write_text("of before")
+    (tmp_path / "nav.csv").write_text("of before", encoding="utf-8")
     for output in "nav.csv", "other.csv":
         result = CliRunner().invoke(main, ["monitor", "line.bin", "--output", output, "--plot", "nav.png"])
         assert result.exit_code == 2
         assert result.output == \
             "strapdown: no frame was found in 5000 bytes: are they of SINS_uart, at this baud rate?\n"
     assert {path.name for path in tmp_path.iterdir()} == {"line.bin", "nav.csv"}
-    assert (tmp_path / "nav.csv").read_text() == "of before"
+    assert (tmp_path / "nav.csv").read_text(encoding="utf-8") == "of before"
 
 
 def test_a_full_disk_leaves_whole_rows(frames, numbers, tmp_path):
@@ -179,7 +179,7 @@ def test_a_full_disk_leaves_whole_rows(frames, numbers, tmp_path):
             monitor((data for data in frames), tmp_path / "nav.csv")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    text = (tmp_path / "nav.csv").read_text()
+    text = (tmp_path / "nav.csv").read_text(encoding="utf-8")
     assert 1200 < len(text) <= 1500
     assert text.endswith("\n")
     assert_table(tmp_path / "nav.csv", range(text.count("\n") - 1), numbers)

@@ -18,7 +18,7 @@ def rows(count=4):
 
 
 def write(path, head, body):
-    path.write_text("\n".join(",".join(map(str, row)) for row in (head, *body)) + "\n")
+    path.write_text("\n".join(",".join(map(str, row)) for row in (head, *body)) + "\n", encoding="utf-8")
     return path
 
 
@@ -169,7 +169,7 @@ def test_npz_that_is_refused(tmp_path, changes, message):
 
 def test_npz_that_is_none(tmp_path):
     path = tmp_path / "r.npz"
-    path.write_text("no archive")
+    path.write_text("no archive", encoding="utf-8")
     with pytest.raises(RecordingError, match=r"not a NumPy archive of plain arrays; write it with numpy\.savez$"):
         read_recording(path)
 

@@ -32,8 +32,8 @@ def test_x_imu_recording(x_imu_recording, tmp_path, models, root):
     assert summary["samples"] == 12_626
     assert summary["sample_rate_hz"] == 256
     # `make demo` runs the same; its table in the README must be correct.
-    written = json.loads((tmp_path / "summary.json").read_text())
-    assert block((root / "README.md").read_text(), "demo")[1].strip() == docs.demo_block(written)
+    written = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert block((root / "README.md").read_text(encoding="utf-8"), "demo")[1].strip() == docs.demo_block(written)
 
 
 @pytest.mark.verilator

@@ -118,7 +118,7 @@ def blocks():
     """Generated parts of docs/proof.md, by the name of their block."""
     record = ROOT / "docs" / "exhaustive.json"
     return {"properties": formal.summary(),
-            "exhaustive": exhaustive.table(json.loads(record.read_text()) if record.exists() else {}),
+            "exhaustive": exhaustive.table(json.loads(record.read_text(encoding="utf-8")) if record.exists() else {}),
             "faults": mutation.table()}
 
 

@@ -105,17 +105,19 @@ class Run:
         source = build / f"{name}.v"
         lanes = Lanes(self.subject.make)
         self.operator = lanes.operator
-        source.write_text(to_verilog(lanes, "lanes"))
-        driver = ExhaustiveModel.DRIVER.read_text()
-        self.circuit = digest(source.read_text() + driver)[:16]
+        source.write_text(to_verilog(lanes, "lanes"), encoding="utf-8")
+        driver = ExhaustiveModel.DRIVER.read_text(encoding="utf-8")
+        self.circuit = digest(source.read_text(encoding="utf-8") + driver)[:16]
         interface = Interface("lanes", lanes.operands, lanes.results, start="start", finish="done",
                               reset="rst", reset_active=1)
         self._model = ExhaustiveModel(source, interface, build / "models")
         self._file = build / f"{name}.json"
         self._lock = threading.Lock()
         self.state: dict[str, Any] = {"circuit": self.circuit, "shards": [], "mismatches": 0, "examples": []}
-        if self._file.exists() and (stored := json.loads(self._file.read_text()))["circuit"] == self.circuit:
-            self.state = stored
+        if self._file.exists():
+            stored = json.loads(self._file.read_text(encoding="utf-8"))
+            if stored["circuit"] == self.circuit:
+                self.state = stored
 
     @property
     def complete(self):
@@ -143,7 +145,7 @@ class Run:
             self.state["mismatches"] += mismatches
             self.state["examples"] = (self.state["examples"] + rows)[:10]
             with written_whole(self._file) as partial:
-                partial.write_text(json.dumps(self.state) + "\n")
+                partial.write_text(json.dumps(self.state) + "\n", encoding="utf-8")
         return mismatches
 
 
@@ -182,7 +184,7 @@ def check(names, part, jobs, root):
 def _record(run, root):
     """Enter a complete run in docs/exhaustive.json."""
     path = root / "docs" / "exhaustive.json"
-    record = json.loads(path.read_text()) if path.exists() else {}
+    record = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
                             check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
     entry = {"operator": run.subject.meaning, "latency": run.operator.latency, "circuit": run.circuit,
@@ -190,7 +192,7 @@ def _record(run, root):
     # A run that was already complete keeps its date.
     if {key: record.get(run.name, {}).get(key) for key in entry} != entry:
         record[run.name] = {**entry, "date": datetime.datetime.now(datetime.UTC).date().isoformat(), "commit": commit}
-        path.write_text(json.dumps(dict(sorted(record.items())), indent=2) + "\n")
+        path.write_text(json.dumps(dict(sorted(record.items())), indent=2) + "\n", encoding="utf-8")
 
 
 def table(record):

@@ -28,10 +28,11 @@ def run(props, build, *, jobs=2, report=lambda prop, outcome: None):
 
     with ThreadPoolExecutor(jobs) as pool:
         outcomes = list(pool.map(one, enumerate(props)))
-    (build / "outcomes.json").write_text(json.dumps([
+    rows = [
         {"folder": f"{number:03}", "circuit": prop.subject, "property": prop.claim, "engine": prop.engine,
          "depth": prop.depth, "result": outcome.word, "seconds": round(outcome.seconds, 1)}
-        for number, (prop, outcome) in enumerate(zip(props, outcomes, strict=True))], indent=2) + "\n")
+        for number, (prop, outcome) in enumerate(zip(props, outcomes, strict=True))]
+    (build / "outcomes.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     return outcomes
 
 

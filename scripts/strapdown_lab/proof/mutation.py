@@ -31,7 +31,8 @@ class Verdict:
 
 def misplaced(package):
     """Faults whose fragment does not occur exactly once in the package's sources: (mutant, count)."""
-    counts = ((mutant, (package / mutant.file).read_text().count(mutant.fragment)) for mutant in MUTANTS)
+    counts = ((mutant, (package / mutant.file).read_text(encoding="utf-8").count(mutant.fragment))
+              for mutant in MUTANTS)
     return [(mutant, count) for mutant, count in counts if count != 1]
 
 
@@ -73,7 +74,7 @@ def _judge(mutant, root, scratch):
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         copy = _copy(root, Path(folder))
         source = copy / "hw" / "strapdown" / mutant.file
-        source.write_text(mutated(source.read_text(), mutant))
+        source.write_text(mutated(source.read_text(encoding="utf-8"), mutant), encoding="utf-8")
         try:
             result = _pytest(copy, mutant.test_file, mutant.select)
         except subprocess.TimeoutExpired:

@@ -114,7 +114,8 @@ def prove(prop, directory):
         raise SolverMissingError(missing)
     began = time.monotonic()
     directory.mkdir(parents=True, exist_ok=True)
-    (directory / "top.il").write_text(rtlil.convert(prop.make(), name="top", ports=(), emit_src=False))
+    text = rtlil.convert(prop.make(), name="top", ports=(), emit_src=False)
+    (directory / "top.il").write_text(text, encoding="utf-8")
     # The flattened circuit may have other names. And without -noff and -keepdc, registers with any contents would be
     # replaced by constants, or by one another.
     unset = [f"setattr -unset init top.{submodule}/w:* top.{submodule}.*/w:*" for submodule in prop.any_state]
@@ -125,7 +126,8 @@ def prove(prop, directory):
         raise RuntimeError(f"yosys failed on {directory}:\n{output[-3000:]}")
     constraints = []
     if prop.holds_without:
-        (directory / "hold.smtc").write_text(_hold(prop, (directory / "top.smt2").read_text()))
+        smt2 = (directory / "top.smt2").read_text(encoding="utf-8")
+        (directory / "hold.smtc").write_text(_hold(prop, smt2), encoding="utf-8")
         constraints = ["--smtc", "hold.smtc"]
 
     _prepare(prop.solver)

@@ -5,5 +5,5 @@ from strapdown_lab.proof.__main__ import blocks
 
 
 def test_document_is_up_to_date(root):
-    page = (root / "docs" / "proof.md").read_text()
+    page = (root / "docs" / "proof.md").read_text(encoding="utf-8")
     assert replaced(page, blocks()) == page

@@ -52,7 +52,7 @@ def test_wrong_circuit_is_found_and_run_goes_on(monkeypatch, folder):
 
     first, second = run.remaining(exhaustive.fraction(f"2/{exhaustive.SHARDS}"))
     run.do(first)
-    stored = json.loads((folder / "to_int32.json").read_text())
+    stored = json.loads((folder / "to_int32.json").read_text(encoding="utf-8"))
     assert stored["shards"] == [first]
     again = exhaustive.Run("to_int32", folder)
     assert again.remaining(exhaustive.fraction(f"2/{exhaustive.SHARDS}")) == [second]

@@ -21,7 +21,7 @@ def test_faults_change_something_and_have_tests(root):
 @pytest.mark.parametrize("folder", ["fp", "cordic"])
 def test_every_operator_has_faults(root, folder):
     operators = {f"{folder}/{path.name}" for path in (root / "hw" / "strapdown" / folder).glob("*.py")
-                 if "def elaborate" in path.read_text()}
+                 if "def elaborate" in path.read_text(encoding="utf-8")}
     assert operators
     assert operators <= {mutant.file for mutant in MUTANTS}
 
@@ -42,13 +42,14 @@ def test_verdicts(tmp_path):
         "tests/fp/test_add.py": "from strapdown.fp.add import add\n\n\ndef test_add():\n    assert add(2, 3) == 5\n",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
+        (tmp_path / name).write_text(text, encoding="utf-8")
     noticed = Mutant("fp/add.py", "a + b", "a - b", "subtracts")
     survivor = Mutant("fp/add.py", "# sum", "# difference", "nothing")
     verdicts = mutation.run([noticed, survivor], tmp_path)
     assert [verdict.killed for verdict in verdicts] == [True, False]
     assert verdicts[0].by == "FAILED tests/fp/test_add.py::test_add"
 
-    (tmp_path / "hw/strapdown/fp/add.py").write_text("def add(a, b):\n    # sum\n    return a * b + 0 * (a + b)\n")
+    (tmp_path / "hw/strapdown/fp/add.py").write_text(
+        "def add(a, b):\n    # sum\n    return a * b + 0 * (a + b)\n", encoding="utf-8")
     with pytest.raises(RuntimeError, match="must pass without a fault"):
         mutation.run([noticed], tmp_path)

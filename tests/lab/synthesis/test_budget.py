@@ -32,7 +32,7 @@ def test_core_stays_within_its_budget(config, root, make_core, request):
 def _resources(circuit, entry, root, request):
     """Figures in docs/ if they are those of this circuit, else the figures of Yosys."""
     report = root / "docs" / "report" / "cores.json"
-    rows = json.loads(report.read_text())["cores"] if report.exists() else []
+    rows = json.loads(report.read_text(encoding="utf-8"))["cores"] if report.exists() else []
     for row in rows:
         if row["verilog_sha256"] == digest(circuit):
             return Xc7Resources(**row["xc7"])
