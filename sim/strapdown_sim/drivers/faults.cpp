@@ -153,8 +153,11 @@ static void reset() {
     for (int cycle = 0; cycle < 3; cycle++) edge();
 }
 
+// A port must not get more bits than it has.
 static void drive(const uint64_t *row, uint64_t turned) {
-#define INPUT(port) dut->port = *row++ ^ turned;
+    static const int widths[] = {INPUT_WIDTHS};
+    const int *width = widths;
+#define INPUT(port) dut->port = (*row++ ^ turned) & NEVER >> (64 - *width++);
     INPUTS
 #undef INPUT
 }

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
+from amaranth.utils import exact_log2
 
 from strapdown.cores import Core
 from strapdown.kernel.system import leaves
@@ -103,6 +104,8 @@ class FaultInterface(Interface):
         Registers and memories.
     measures : tuple of (str, tuple of int)
         Kind of error, and the indices in ``outputs`` of its numbers.
+    input_widths : tuple of int
+        Bits of each input.
     channels, width : int
         Number of channels, and bits of a number.
     status : int or None
@@ -113,6 +116,7 @@ class FaultInterface(Interface):
 
     places: tuple[Storage, ...] = ()
     measures: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    input_widths: tuple[int, ...] = ()
     channels: int = 1
     width: int = 32
     status: int | None = None
@@ -131,6 +135,7 @@ class FaultInterface(Interface):
                             for kind, ports in self.measures)
         lines = [f"#define ROOT_TYPE {root}", f"#define SETTLE {root}___eval_settle", f"#define PLACES {places}",
                  f"#define MEASURES {measures}", f"#define CHANNELS {self.channels}",
+                 f"#define INPUT_WIDTHS {', '.join(map(str, self.input_widths))}",
                  f"#define FORMAT_WIDTH {self.width}", f"#define REFUSED_MASK {self.refused}ull",
                  f"#define RESTARTED_MASK {self.restarted}ull",
                  *([] if self.status is None else [f"#define STATUS {self.status}"])]
@@ -173,8 +178,11 @@ class FaultModel(VerilatedModel):
         masks = {name: 1 << bit for bit, name in enumerate(engine.status_names)}
         text = exposed(Path(verilog).read_text(encoding="utf-8"))
         self.places = storage(text, system.name)
+        widths = {port: system.input_width(port, fmt) for port in system.input_ports}
+        if several:
+            widths["in_channel"] = exact_log2(engine.channels)
         interface = FaultInterface(
-            system.name, (*system.input_ports, *(["in_channel"] if several else [])), outputs,
+            system.name, tuple(widths), outputs, input_widths=tuple(widths.values()),
             start=system.start, finish=system.finish, ready="in_ready" if several else None,
             enable=core.control.enable.name if core.control.enable else "", places=self.places, measures=measures,
             channels=engine.channels, width=fmt.width, status=len(outputs) - 1 if system.status_port else None,
