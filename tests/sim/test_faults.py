@@ -120,7 +120,7 @@ KNOWN = {
     ("fault", 0, 2): (Outcome.HANG, True, 0),             # no finish
     ("fault", 0, 3): (Outcome.WRONG_SILENT, True, HALF_TURN),
     ("fault", 0, 4): (Outcome.STUCK, True, HALF_TURN),    # every update is refused
-    ("fault", 0, 5): (Outcome.TRANSIENT, True, HALF_TURN),  # every second update is refused, and wrong
+    ("fault", 0, 5): (Outcome.WRONG_FLAGGED, True, HALF_TURN),  # every second update is refused, and wrong
     ("fault", 0, 8): (Outcome.MASKED, True, 0),           # nothing reads it
     ("lasting", 0, 0): (Outcome.WRONG_SILENT, False, HALF_TURN),
     ("healing", 0, 3): (Outcome.TRANSIENT, True, HALF_TURN),  # wrong for 8 updates

@@ -24,7 +24,7 @@ GAP = 16
 """Idle cycles from the end of an update to the next start."""
 
 HORIZON = 1000
-"""Updates after a fault in which an error of more than a second must begin."""
+"""Updates after a fault in which outputs that are wrong count; a second more if they are wrong at the end."""
 
 MEASURES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("matrix", ("c",)), ("angles", ("angles",)), ("angles", ("attitude",)), ("quaternion", ("q",)),
@@ -38,9 +38,9 @@ class Outcome(IntEnum):
     MASKED
         No output is wrong, and no update is refused.
     TRANSIENT
-        Outputs are wrong for at most a second, or updates are refused or lost.
+        Outputs are wrong for at most a second in all, or updates are refused or lost.
     WRONG_FLAGGED, WRONG_SILENT
-        Outputs are wrong for more than a second. Until the end of the first second the status has differed, or not.
+        Outputs are wrong for more than a second in all. By then the status has shown a difference, or not.
     STUCK
         More than eight updates in a row are refused, and the core does not restart.
     OUT_OF_STEP
