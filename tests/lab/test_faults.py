@@ -198,9 +198,7 @@ def test_300_flips_of_the_core_of_the_thesis(models, make_core, tmp_path):
         report = Campaign(THESIS, 300, 2015).run(tmp_path, make_core=make_core, models=models)
     except SimulatorMissingError as error:
         pytest.skip(str(error))
-    # The ROM and the constants are left out as long as their faults cannot be undone.
-    assert [fault for fault in harmful(report, THESIS) if fault["place"] not in (
-        "engine.microcode", "engine.operands") or fault["outcome"] != "STUCK"] == []
+    assert harmful(report, THESIS) == []
     outcomes = sum((Counter(place["outcomes"]) for place in report["places"]), Counter())
     assert outcomes.total() == 300
     assert outcomes["MASKED"] > 150

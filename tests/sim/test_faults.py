@@ -181,7 +181,8 @@ def test_everything_that_a_core_stores(quaternion):
     program = quaternion.core.engine.program
     sizes = {(place.kind, place.rows, place.width) for place in quaternion.places if place.kind != REGISTER}
     assert (MEMORY, program.depth, program.format.width) in sizes
-    assert {(rows, width) for kind, rows, width in sizes if kind == ROM} == {(program.length, program.layout.size)}
+    assert {(rows, width) for kind, rows, width in sizes if kind == ROM} == {
+        (program.length, program.layout.size), (len(program.constants), program.format.width)}
     names = [place.name for place in quaternion.places]
     assert len(set(names)) == len(names)
     assert {"engine.state", "engine.word", "engine.out_e0", "engine.adder.result"} <= {*names}

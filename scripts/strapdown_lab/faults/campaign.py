@@ -193,9 +193,6 @@ def _counted(outcomes: Iterable[Outcome]) -> dict[str, int]:
 
 
 def harmful(report: dict[str, Any], config: Config) -> list[dict]:
-    """The faults of a report that no core of this kind may have.
-
-    A navigator cannot start again without its start values: it stays refused, and says so.
-    """
-    allowed = {Outcome.STUCK.name} if hasattr(config, "alignment_samples") else set()
+    """The faults of a report that its core must not have: a core that never starts again may be stuck."""
+    allowed = set() if config.restart_after else {Outcome.STUCK.name}
     return [fault for fault in report["harmful"] if fault["outcome"] not in allowed]
