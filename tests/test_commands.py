@@ -113,6 +113,10 @@ class Place:
         self.monkeypatch.setattr(target, value)
 
 
+def empty_verilog(component, name, **options):
+    return f"module {name}();\nendmodule\n"
+
+
 # Rules. Each takes the command's words and a Place.
 
 def strapdown(words, place):
@@ -124,7 +128,7 @@ def strapdown(words, place):
     (place.folder / "my_operator.py").write_text(own_operator(page), encoding="utf-8")
     place.stand_in("strapdown_sim.replay.CoreModel", TwinModel)
     # The Verilog would take most of the time; other tests make and compare it.
-    place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
+    place.stand_in("strapdown.export.verilog.to_verilog", empty_verilog)
     return place.invoke(main, words[1:])
 
 
@@ -159,7 +163,7 @@ def report(words, place):
     place.stand_in("strapdown_lab.report.measure.simulated_cycles",
                    lambda core, path, build: (core.latency, getattr(core.engine, "interval", core.latency)))
     for module in "strapdown.export.verilog", "strapdown_lab.report.measure":
-        place.stand_in(f"{module}.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
+        place.stand_in(f"{module}.to_verilog", empty_verilog)
     place.invoke(main, words[1:])
     assert (place.folder / "build" / "report" / "report.md").exists()
 
@@ -211,7 +215,7 @@ def proofs(words, place):
 
 def faults(words, place):
     """No bit is flipped: the outcomes are invented, and other tests find some."""
-    place.stand_in("strapdown.export.verilog.to_verilog", lambda component, name: f"module {name}();\nendmodule\n")
+    place.stand_in("strapdown.export.verilog.to_verilog", empty_verilog)
     place.stand_in("strapdown_lab.faults.campaign.FaultModel", UpsetNothing)
     place.invoke(flips, words)
     record = place.folder / "build" / "faults" / "thesis.json"

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from amaranth.back import verilog
 
+from strapdown.export.backend import to_verilog
 from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
@@ -59,7 +59,7 @@ def answers(component, name, operands, results, stimulus, models, tmp_path):
     A pipeline starts in three of four cycles and must finish in exactly these cycles, ``latency`` later.
     """
     source = tmp_path / f"{name}.v"
-    source.write_text(verilog.convert(component, name=name, emit_src=False))
+    source.write_text(to_verilog(component, name))
     if component.iterative:
         interface = Interface(name, operands, results, start="start", finish="done", reset="rst", reset_active=1)
     else:

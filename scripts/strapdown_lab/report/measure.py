@@ -71,8 +71,8 @@ def core_circuit(core, config):
 
 
 def without_comments(text):
-    """Verilog without its lines of comments."""
-    return re.sub(r"^//.*\n", "", text, flags=re.MULTILINE)
+    """Verilog without its comments, and without lines that hold nothing else."""
+    return re.sub(r" *//.*", "", re.sub(r"^ *//.*\n", "", text, flags=re.MULTILINE))
 
 
 def core_design(entry: CoreEntry, build: Path) -> Design:
