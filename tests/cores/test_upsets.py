@@ -75,8 +75,10 @@ def test_a_reset_needs_no_contents_of_registers_and_memories(model):
 def test_an_update_whose_cycles_are_not_those_of_the_schedule_is_refused(model):
     for name in ("counter", "left") if model.core.engine.channels == 1 else ("counter", "slot", "check"):
         result, sample = upset(model, np.full(UPSETS, BIT), f"{model.core.system.name}_engine.{name}")
-        # Not in the few cycles in which nothing is in flight, or all of an update is done.
-        assert refused(model, result[model.core.system.status_port]).mean() > 0.9, name
+        # Not in the few cycles in which nothing is in flight, or all of an update is done. With several channels, an
+        # update in its last interval may also be lost: if the counter skips its last cycle, it has no finish.
+        share = 0.9 if model.core.engine.channels == 1 else 0.85
+        assert refused(model, result[model.core.system.status_port]).mean() > share, name
         assert_the_update_is_that_of_the_state_in_memory(model, result, sample)
 
 
