@@ -39,7 +39,7 @@ def test_generate_writes_verilog_and_json(tmp_path):
     result = run("generate", "--config", "mahony", "--set", "kp=2", "--module", "INS_gyro", "--output", tmp_path)
     assert result.exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["INS_gyro.json", "INS_gyro.v"]
-    description = json.loads((tmp_path / "INS_gyro.json").read_text())
+    description = json.loads((tmp_path / "INS_gyro.json").read_text(encoding="utf-8"))
     assert description["configuration"]["kp"] == 2
     assert description["command_line"] == "strapdown generate --config mahony --set kp=2 --module INS_gyro"
 
@@ -81,7 +81,7 @@ def test_the_command_line_in_the_files_can_be_pasted(tmp_path, monkeypatch):
     description = "it's \"quoted\"; $(false) `false` * Höhe 😀"
     monkeypatch.chdir(tmp_path)
     assert run("generate", "INS_matx", "--set", f"description={description}", "--output", "first").exit_code == 0
-    facts = json.loads((tmp_path / "first" / "INS_matx.json").read_text())
+    facts = json.loads((tmp_path / "first" / "INS_matx.json").read_text(encoding="utf-8"))
     assert facts["configuration"]["description"] == description
     subprocess.run(["sh", "-c", facts["command_line"]], check=True, stdout=subprocess.DEVNULL,
                    env=os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"})
@@ -97,7 +97,8 @@ def test_a_module_needs_no_configuration_if_its_name_tells(tmp_path):
             (["quaternion_j3"], "quaternion_j3", "QUAT_direct")):
         result = run("generate", *arguments, "--output", tmp_path / name)
         assert result.exit_code == 0, result.output
-        assert json.loads((tmp_path / name / f"{module}.json").read_text())["configuration"]["name"] == name
+        facts = json.loads((tmp_path / name / f"{module}.json").read_text(encoding="utf-8"))
+        assert facts["configuration"]["name"] == name
 
 
 OWN = """\
@@ -109,10 +110,10 @@ NUMBER = 5
 
 def test_a_configuration_in_a_file_of_ones_own(tmp_path):
     file = tmp_path / "my_core.py"
-    file.write_text(OWN)
+    file.write_text(OWN, encoding="utf-8")
     result = run("generate", f"{file}:SLOW", "--set", "kp=2", "--module", "INS_atan", "--output", tmp_path / "out")
     assert result.exit_code == 0, result.output
-    facts = json.loads((tmp_path / "out" / "INS_atan.json").read_text())
+    facts = json.loads((tmp_path / "out" / "INS_atan.json").read_text(encoding="utf-8"))
     assert (facts["configuration"]["sample_rate_hz"], facts["configuration"]["kp"]) == (10, 2)
     # The command names the file, without its path on this machine.
     assert facts["command_line"] == "strapdown generate --config my_core.py:SLOW --set kp=2 --module INS_atan"
@@ -126,7 +127,7 @@ def test_a_configuration_in_a_file_of_ones_own(tmp_path):
 ])
 def test_a_file_that_has_no_configuration(tmp_path, name, content, message):
     file = tmp_path / name
-    file.write_text(content)
+    file.write_text(content, encoding="utf-8")
     result = run("generate", f"{file}:NUMBER")
     assert result.exit_code == 2
     assert result.stderr == f"strapdown: {tmp_path}/{message}\n"
@@ -159,7 +160,7 @@ MISTAKEN = MistakenConfig(name="mistaken", description="a truth test", sample_ra
 
 @pytest.mark.parametrize("command", ["generate", "schedule", "explain"])
 def test_a_mistake_in_ones_own_kernel_is_one_line(tmp_path, command):
-    (tmp_path / "my_core.py").write_text(MISTAKEN)
+    (tmp_path / "my_core.py").write_text(MISTAKEN, encoding="utf-8")
     result = run(command, f"{tmp_path}/my_core.py:MISTAKEN")
     assert result.exit_code == 2
     assert result.stderr == ("strapdown: my_core.py, line 11: TypeError: a kernel's value is not known while the "
@@ -167,7 +168,7 @@ def test_a_mistake_in_ones_own_kernel_is_one_line(tmp_path, command):
 
 
 def test_explain_takes_a_module_of_ones_own_file(tmp_path):
-    (tmp_path / "my_core.py").write_text(OWN)
+    (tmp_path / "my_core.py").write_text(OWN, encoding="utf-8")
     result = run("explain", f"{tmp_path}/my_core.py:SLOW", "--module", "INS_atan")
     assert result.exit_code == 0, result.output
     assert "arctangent: atan2" in result.output
@@ -182,7 +183,7 @@ def test_output_that_cannot_be_written_is_a_user_error(tmp_path):
 
 def test_unusable_recording_is_a_user_error(tmp_path):
     recording = tmp_path / "flight.csv"
-    recording.write_text("Time (s),Colour\n0,1\n")
+    recording.write_text("Time (s),Colour\n0,1\n", encoding="utf-8")
     result = run("replay", recording, "--output", tmp_path)
     assert result.exit_code == 2
     assert result.stderr.startswith("strapdown: ")
@@ -202,12 +203,12 @@ def test_replay_of_a_csv_file(tmp_path, models):
             "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"]
     rows += [f"{k / 100:.2f},0,0,30,0,0,1" for k in range(200)]
     recording = tmp_path / "turn.csv"
-    recording.write_text("\n".join(rows) + "\n")
+    recording.write_text("\n".join(rows) + "\n", encoding="utf-8")
     result = run("replay", recording, "--config", "mahony", "--output", tmp_path / "out", "--build", models)
     assert result.exit_code == 0, result.output
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "INS_top.v", "INS_top.json", "attitude.csv", "summary.json", "attitude.png"}
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["samples"] == 200
     assert summary["sample_rate_hz"] == pytest.approx(100)
     assert summary["bits_differing_from_twin"] == 0

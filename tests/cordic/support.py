@@ -59,7 +59,7 @@ def answers(component, name, operands, results, stimulus, models, tmp_path):
     A pipeline starts in three of four cycles and must finish in exactly these cycles, ``latency`` later.
     """
     source = tmp_path / f"{name}.v"
-    source.write_text(to_verilog(component, name))
+    source.write_text(to_verilog(component, name), encoding="utf-8")
     if component.iterative:
         interface = Interface(name, operands, results, start="start", finish="done", reset="rst", reset_active=1)
     else:

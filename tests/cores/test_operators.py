@@ -68,10 +68,11 @@ def bank(request, folder, tmp_path_factory, models):
         folder = tmp_path_factory.mktemp(request.param)
         options = [option for name, latency in latencies.items() for option in ("--latency", f"{name}={latency}")]
         assert cli("operators", folder, *options).exit_code == 0
-        command = json.loads((folder / "add.json").read_text())["command_line"]
+        command = json.loads((folder / "add.json").read_text(encoding="utf-8"))["command_line"]
         assert command == f"strapdown operators DIRECTORY --latency add={latencies['add']}"
     source = folder / "user_and_operators.sv"
-    source.write_text(USER_RTL.read_text() + "".join((folder / f"{name}.v").read_text() for name in VENDOR_OPERATORS))
+    files = USER_RTL, *(folder / f"{name}.v" for name in VENDOR_OPERATORS)
+    source.write_text("".join(file.read_text(encoding="utf-8") for file in files), encoding="utf-8")
     interface = Interface(
         "user", ("nd", "ce", "sclr", "a", "b", "fixed", "x", "y"),
         tuple(f"{name}_{port}" for name in VENDOR_OPERATORS for port in ("rdy", "out")), reset="")
@@ -154,7 +155,8 @@ def test_ports_are_those_of_the_vendor_core(folder, name):
     members = VendorOperator(name).signature.members
     assert {port: ("input" if member.flow is In else "output", member.shape) for port, member in members.items()} \
         == PORTS[name]
-    head = re.search(rf"^module {name} \((.*?)\n\);", (folder / f"{name}.v").read_text(), re.MULTILINE | re.DOTALL)[1]
+    text = (folder / f"{name}.v").read_text(encoding="utf-8")
+    head = re.search(rf"^module {name} \((.*?)\n\);", text, re.MULTILINE | re.DOTALL)[1]
     declared = re.findall(r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+)", head, re.MULTILINE)
     assert {port: (flow, int(high or 0) + 1) for flow, high, port in declared} == PORTS[name]
     assert len(declared) == head.count(",") + 1
@@ -171,13 +173,13 @@ def test_folder_holds_ten_files_with_descriptions(folder):
     names = {path.name for path in folder.iterdir() if path.suffix in (".v", ".json")}
     assert names == {f"{name}{suffix}" for name in PORTS for suffix in (".v", ".json")}
     for name, ports in PORTS.items():
-        text = json.loads((folder / f"{name}.json").read_text())
+        text = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
         assert text["module"] == name
         assert text["latency_cycles"] == LATENCIES["default"][name]
         assert {port["name"]: (port["direction"], port["width"]) for port in text["ports"]} == ports
         assert all(port["meaning"] for port in text["ports"])
         assert text["command_line"] == "strapdown operators DIRECTORY"
-        header = (folder / f"{name}.v").read_text().split("\nmodule ")[0]
+        header = (folder / f"{name}.v").read_text(encoding="utf-8").split("\nmodule ")[0]
         assert header.isascii()
         assert f"result {text['latency_cycles']} edges" in re.sub(r"\n//\s+", " ", header)
 
@@ -198,8 +200,8 @@ def test_two_runs_give_equal_bytes(folder, tmp_path):
 
 def test_table_in_the_documents(root):
     """docs/operators.md lists every operator with its latencies."""
-    rows = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \| (\d+) \| (\d+) \|$", (root / "docs" / "operators.md").read_text(),
-                      re.MULTILINE)
+    text = (root / "docs" / "operators.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|.*\| (\d+) \| (\d+) \| (\d+) \|$", text, re.MULTILINE)
     assert [(name, *map(int, numbers)) for name, *numbers in rows] == [
         (kind.name, kind.latency, kind.least_latency, VendorOperator(kind.name).extra_ranks)
         for kind in VENDOR_OPERATORS.values()]

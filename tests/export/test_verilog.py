@@ -54,7 +54,7 @@ def test_all_modules_go_into_one_project(folder):
 
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
 def test_names_are_plain(folder, name):
-    code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
+    code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text(encoding="utf-8"))
     assert "\\" not in code
     assert "$" not in code.replace("$signed(", "")
     # Attributes tell what a memory is made of, which registers sample the reset, and which codes of a state are to
@@ -72,12 +72,12 @@ def test_names_are_plain(folder, name):
 
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
 def test_file_is_ascii(folder, name):
-    assert (folder / f"{name}.v").read_text().isascii()
+    assert (folder / f"{name}.v").read_text(encoding="utf-8").isascii()
 
 
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
 def test_nothing_is_declared_and_never_read(folder, name):
-    code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text())
+    code = re.sub(r"//.*", "", (folder / f"{name}.v").read_text(encoding="utf-8"))
     for module in code.split("endmodule")[:-1]:
         inner = module.partition("\n);")[2]
         for wire in DECLARED.findall(inner):
@@ -118,7 +118,7 @@ def test_no_two_wires_are_the_same(text):
 @pytest.mark.parametrize("name", ATTITUDE_CORES)
 def test_nothing_names_the_machine(folder, name):
     for suffix in ".v", ".json":
-        text = (folder / f"{name}{suffix}").read_text()
+        text = (folder / f"{name}{suffix}").read_text(encoding="utf-8")
         assert not re.search(r"(^|[\s\"'(])/[a-z]+/", text)
         assert str(folder) not in text
 
@@ -136,7 +136,7 @@ def test_two_runs_give_equal_bytes(folder, tmp_path):
 
 def test_header_tells_equation_configuration_latency_and_program(folder, make_core):
     core = make_core("INS_top", THESIS)
-    header = (folder / "INS_top.v").read_text().split("\nmodule ")[0]
+    header = (folder / "INS_top.v").read_text(encoding="utf-8").split("\nmodule ")[0]
     assert "accelerometer_error: e_a = a/|a|" in header
     assert re.search(r"kp +10\.0", header)
     assert f"rises {core.latency} cycles later" in header
@@ -147,12 +147,12 @@ def test_header_tells_equation_configuration_latency_and_program(folder, make_co
 
 def test_description_tells_ports_latency_configuration_versions_and_command(folder, make_core):
     core = make_core("INS_top", THESIS)
-    text = json.loads((folder / "INS_top.json").read_text())
+    text = json.loads((folder / "INS_top.json").read_text(encoding="utf-8"))
     assert text["latency_cycles"] == core.latency
     assert text["configuration"]["kp"] == 10
     assert text["command_line"] == "strapdown generate --config thesis --module INS_top"
     assert set(text["versions"]) == {"strapdown", "amaranth"}
-    verilog = (folder / "INS_top.v").read_text()
+    verilog = (folder / "INS_top.v").read_text(encoding="utf-8")
     declared = re.search(r"^module INS_top \((.*?)\n\);", verilog, re.MULTILINE | re.DOTALL)[1]
     found = re.findall(r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+)(?: = \S+)?$", declared.replace(",", ""),
                        re.MULTILINE)
@@ -163,7 +163,7 @@ def test_description_tells_ports_latency_configuration_versions_and_command(fold
 
 
 def test_configuration_is_in_the_file(folder, make_core):
-    assert (folder / "INS_mag.v").read_text() != verilog_text(make_core("INS_mag", MAHONY), MAHONY)
+    assert (folder / "INS_mag.v").read_text(encoding="utf-8") != verilog_text(make_core("INS_mag", MAHONY), MAHONY)
 
 
 def body(text):
@@ -197,8 +197,8 @@ def test_letters_outside_ascii_become_plain_letters_or_escapes(make_core):
 
 
 def test_header_tells_licence_versions_and_command(folder):
-    header = (folder / "INS_mag.v").read_text().split("\nmodule ")[0]
-    facts = json.loads((folder / "INS_mag.json").read_text())
+    header = (folder / "INS_mag.v").read_text(encoding="utf-8").split("\nmodule ")[0]
+    facts = json.loads((folder / "INS_mag.json").read_text(encoding="utf-8"))
     assert "\n// SPDX-License-Identifier: BSD-2-Clause\n" in header
     assert f"\n// Command: {facts['command_line']}\n" in header
     for name, number in facts["versions"].items():

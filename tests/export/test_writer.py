@@ -160,7 +160,7 @@ def simulated(component, stimulus, folder, language):
         bench.append("    #1 clk = 1; #1 clk = 0;")
     bench += ["  end", "endmodule"]
     path = folder / "bench.v"
-    path.write_text(text + "\n".join(bench) + "\n")
+    path.write_text(text + "\n".join(bench) + "\n", encoding="utf-8")
     assert run_tool(["iverilog", f"-g{language}", "-Wall", "-Wno-timescale", "-s", "bench", "-o", folder / "bench.vvp",
                      path]) == ""
     return [[int(word) for word in line.split()]
@@ -217,7 +217,7 @@ module bench;
   top dut(.choose(choose), .chosen(chosen));
   initial #1 $display("%b", chosen);
 endmodule
-""")
+""", encoding="utf-8")
     run_tool(["iverilog", f"-g{language}", "-s", "bench", "-o", tmp_path / "bench.vvp", tmp_path / "bench.v"])
     assert run_tool(["vvp", "-n", tmp_path / "bench.vvp"]) == "0110\n"
 

@@ -229,7 +229,7 @@ class Bank(wiring.Component):
     def build(self, models, directory):
         """Translate and compile into ``models``; skips the test if that is not possible."""
         source = directory / "bank.v"
-        source.write_text(to_verilog(self, "bank"))
+        source.write_text(to_verilog(self, "bank"), encoding="utf-8")
         interface = Interface("bank", self._inputs, self._outputs, reset="rst", reset_active=1)
         try:
             self._model = VerilatedModel(source, interface, models)

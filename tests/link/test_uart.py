@@ -95,7 +95,7 @@ def lines(models, tmp_path_factory):
     """Outputs of one of the Lines for a stimulus."""
     outputs = tuple(f"{name}_{port}" for name, ports in LINE_OUTPUTS.items() for port in ports)
     path = tmp_path_factory.mktemp("lines") / "lines.v"
-    path.write_text(to_verilog(Lines(), "lines"))
+    path.write_text(to_verilog(Lines(), "lines"), encoding="utf-8")
     model = verilated(path, Interface("lines", ("data", "valid", "send", "status", "payload"), outputs, reset="rst",
                                       reset_active=1), models)
 
@@ -273,7 +273,7 @@ def test_core_sends_what_it_found(core, tmp_path):
     (tmp_path / "line.bin").write_bytes(got)
     result = CliRunner().invoke(main, ["monitor", str(tmp_path / "line.bin"), "--output", str(tmp_path / "nav.csv")])
     assert result.exit_code == 0, result.output
-    rows = [line.split(",") for line in (tmp_path / "nav.csv").read_text().splitlines()[1:]]
+    rows = [line.split(",") for line in (tmp_path / "nav.csv").read_text(encoding="utf-8").splitlines()[1:]]
     assert [(int(row[0]), int(row[1])) for row in rows] == list(enumerate(status))
     written = np.array([row[2:] for row in rows], dtype=float).astype(fmt.dtype)
     np.testing.assert_array_equal(fmt.to_bits(written), fmt.to_bits(numbers / 2))
@@ -325,8 +325,8 @@ def test_a_frame_holds_binary32_or_binary64():
 def test_description_has_the_ports_of_the_verilog(tmp_path):
     core = linked(Pool())
     path = write(core, tmp_path, command="as in this test", config=SINS)
-    facts = json.loads(path.with_suffix(".json").read_text())
-    top = path.read_text().split("module HALVES_uart (")[1].split("\n);")[0]
+    facts = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    top = path.read_text(encoding="utf-8").split("module HALVES_uart (")[1].split("\n);")[0]
     ports = re.findall(r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+)", top, re.MULTILINE)
     declared = {name: (direction, int(high or 0) + 1) for direction, high, name in ports}
     assert {port["name"]: (port["direction"], port["width"]) for port in facts["ports"]} == declared
@@ -350,7 +350,7 @@ def test_mistakes_end_in_one_line(tmp_path, monkeypatch, arguments, message):
 
 
 def test_document_has_the_layout(root):
-    text = (root / "docs" / "link.md").read_text()
+    text = (root / "docs" / "link.md").read_text(encoding="utf-8")
     for field in LAYOUT:
         assert f"| `{field.name}` | {field.size or 'length'} | {field.meaning} |" in text
     offset = 0
