@@ -147,6 +147,81 @@ def test_the_time_of_a_fault(broken):
     assert (before.outcome, after.outcome) == (Outcome.MASKED, Outcome.TRANSIENT)
 
 
+CHANNELS = """
+module QUAT_direct_x2 (
+  input wire clk,
+  input wire rst_n,
+  input wire in_rate_en,
+  input wire in_channel,
+  input wire in_load_en,
+  input wire [31:0] in_p, in_q, in_r, in_e0, in_e1, in_e2, in_e3,
+  output wire in_ready,
+  output reg out_quat_finish = 1'b0,
+  output reg out_channel = 1'b0,
+  output reg [31:0] out_e0 = 32'h00000000,
+  output reg [31:0] out_e1 = 32'h00000000,
+  output wire [31:0] out_e2,
+  output wire [31:0] out_e3,
+  output reg [STATUS:0] out_status = 0
+);
+  reg [1:0] dead = 2'b00;
+  reg [1:0] refused = 2'b00;
+  reg busy = 1'b0;
+  reg channel = 1'b0;
+  reg [15:0] count = 16'h0000;
+  assign in_ready = !busy & !dead[in_channel];
+  assign out_e2 = 32'h00000000;
+  assign out_e3 = 32'h00000000;
+  always @(posedge clk) begin
+    out_quat_finish <= 1'b0;
+    if (!rst_n) begin
+      dead <= 2'b00;
+      refused <= 2'b00;
+      busy <= 1'b0;
+    end else begin
+      dead <= dead;
+      count <= count + 16'd1;
+      if (in_rate_en & in_ready) begin
+        busy <= 1'b1;
+        channel <= in_channel;
+        count <= 16'd1;
+      end
+      if (busy & (count == LATENCY)) begin
+        busy <= 1'b0;
+        out_quat_finish <= 1'b1;
+        out_channel <= channel;
+        out_status <= refused[channel] << REFUSED;
+        refused[channel] <= 1'b0;
+        if (!refused[channel]) begin
+          out_e0 <= channel ? 32'h00000000 : 32'h3f800000;
+          out_e1 <= channel ? 32'h3f800000 : 32'h00000000;
+        end
+      end
+    end
+  end
+endmodule
+"""
+
+
+@pytest.mark.verilator
+def test_faults_of_channels(make_core, models, tmp_path):
+    config = QUATERNION_J3.replace(channels=2)
+    core = make_core(main_module(config), config)
+    names = core.engine.status_names
+    file = tmp_path / "QUAT_direct_x2.v"
+    file.write_text(CHANNELS.replace("LATENCY", str(core.latency)).replace(
+        "REFUSED", str(names.index("refused"))).replace("STATUS", str(len(names) - 1)), encoding="utf-8")
+    model = model_of(core, file, models)
+    samples = {port: np.zeros((COUNT, 2)) for port in core.system.input_ports}
+    place = [place.name for place in model.places].index
+    found = model.verdicts([Fault(place(name), 0, bit, ROUND, time) for name, bit, time in (
+        ("dead", 0, 0.7), ("dead", 1, 0.7), ("refused", 1, 0.1), ("busy", 0, 0.2))], samples, SECOND)
+    dead, transient = (Outcome.DEAD_CHANNEL, True), (Outcome.TRANSIENT, True)
+    assert [verdict[:2] for verdict in found] == [dead, dead, transient, transient]
+    # The outputs of a refused update are those of the other channel, and do not count.
+    assert [verdict.error for verdict in found] == [0, 0, 0, 0]
+
+
 @pytest.mark.verilator
 def test_faults_that_are_too_early_or_too_late(broken):
     for wrong in 0, COUNT - HORIZON - SECOND - 1:
