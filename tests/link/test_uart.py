@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -320,6 +320,18 @@ def test_a_link_goes_around_a_wrapper_that_shows_what_it_sends():
 def test_a_frame_holds_binary32_or_binary64():
     with pytest.raises(ValueError, match=r"^a frame holds binary32 or binary64, not binary16$"):
         linked(Pool(format=BINARY16.with_subnormals(Subnormals.FLUSH)))
+
+
+def test_a_frame_holds_eight_status_bits():
+    flags = tuple(f"flag_{number}" for number in range(7))
+
+    def kernel(xp, *, numbers):
+        update = halves(xp, numbers=numbers)
+        return replace(update, status=dict.fromkeys(flags, update.status["first_negative"]))
+
+    seven = replace(HALVES, equations=kernel, status=flags)
+    with pytest.raises(ValueError, match=r"^a frame holds 8 status bits, and HALVES has 9$"):
+        UartLink(Engine(seven, Pool()), sample_rate_hz=50, clock_hz=DIVISOR * BAUD, baud_rate=BAUD)
 
 
 def test_description_has_the_ports_of_the_verilog(tmp_path):

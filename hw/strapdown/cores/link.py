@@ -38,8 +38,8 @@ class UartLink(Wrapper):
         The last update was not sent, because a frame was being sent.
 
     Latency: that of the engine; the first start bit begins two cycles after the finish has risen.
-    Raises: ValueError if no frame holds the engine's outputs, or none holds their format; if the engine has several
-    channels; if the frame takes longer than a sample period; and as ``UartTransmitter``.
+    Raises: ValueError if no frame holds the engine's outputs, their format or all its status bits; if the engine has
+    several channels; if the frame takes longer than a sample period; and as ``UartTransmitter``.
     """
 
     def __init__(self, engine, *, sample_rate_hz, clock_hz, baud_rate):
@@ -48,7 +48,10 @@ class UartLink(Wrapper):
         payload_size = len(kind.quantities) * format.width // 8
         if payload_size not in kind.payload_sizes:
             raise ValueError(f"a frame holds binary32 or binary64, not {format.name}")
-        self._sampler = FrameSampler(payload_size)
+        sampled = self._sampler = FrameSampler(payload_size)
+        bits, places = len(getattr(engine, system.status_port)), len(sampled.status)
+        if bits > places:
+            raise ValueError(f"a frame holds {places} status bits, and {system.name} has {bits}")
         self._sender = FrameSender(kind.number, payload_size, clock_hz=clock_hz, baud_rate=baud_rate)
         if self._sender.interval > clock_hz / sample_rate_hz:
             raise ValueError(
