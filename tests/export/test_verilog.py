@@ -162,6 +162,37 @@ def test_description_tells_ports_latency_configuration_versions_and_command(fold
     assert all(port["meaning"] for port in text["ports"])
 
 
+@pytest.mark.icarus
+def test_word_holds_the_line_that_the_header_says(folder, make_core, tmp_path):
+    if missing := icarus_missing():
+        pytest.skip(missing)
+    assert "engine.word holds the line of the microprogram whose number is engine.counter - 2" in re.sub(
+        r"\n// +", " ", (folder / "INS_atan.v").read_text())
+    system, program = make_core("INS_atan", THESIS).system, make_core("INS_atan", THESIS).engine.program
+    (tmp_path / "bench.v").write_text((folder / "INS_atan.v").read_text() + f"""
+module bench;
+  reg clk = 0, start = 0;
+  INS_atan dut(.clk(clk), .rst_n(1'b1), .{system.start}(start));
+  always #1 clk = ~clk;
+  initial begin
+    #20 start = 1;
+    #2 start = 0;
+    repeat ({program.length}) #2 if (dut.engine.counter > 1)
+      $display("%0d %h %h", dut.engine.counter, dut.engine.word, dut.engine.fetched);
+    $finish;
+  end
+endmodule
+""")
+    run_tool(["iverilog", "-g2001", "-s", "bench", "-o", tmp_path / "bench.vvp", tmp_path / "bench.v"])
+    rows = [line.split() for line in run_tool(["vvp", "-n", tmp_path / "bench.vvp"]).splitlines() if line[0].isdigit()]
+    seen = [(int(counter), int(word, 16), int(fetched, 16)) for counter, word, fetched in rows]
+    # After the last line the ROM gives zeros.
+    lines = [*(program.layout.const(word).as_bits() for word in program.words), 0]
+    assert len(seen) > program.length / 2
+    assert [(word, fetched) for _, word, fetched in seen] == [
+        (lines[counter - 2], lines[counter - 1]) for counter, _, _ in seen]
+
+
 def test_configuration_is_in_the_file(folder, make_core):
     assert (folder / "INS_mag.v").read_text(encoding="utf-8") != verilog_text(make_core("INS_mag", MAHONY), MAHONY)
 

@@ -97,8 +97,10 @@ class Engine(SystemComponent):
             f"which may change afterwards. {system.finish} falls at that edge and rises {self.latency} cycles later, "
             "in every update, with all outputs, which hold until the next finish. The next start can be taken one edge "
             "later.")
+        places = ("While an update runs, engine.word holds the line of the microprogram whose number is "
+                  "engine.counter - 2, and engine.fetched the next line.")
         return (Section("TIMING", paragraphs=(timing,)),
-                Section("SEQUENCER (engine.state)", rows=tuple(
+                Section("SEQUENCER (engine.state)", paragraphs=(places,), rows=tuple(
                     zip(range(len(self.state_names)), self.state_names, ("waits for a start", *spans, last),
                         strict=True))),
                 *program_sections(self._program))
