@@ -35,10 +35,10 @@ def test_list_names_all_configurations_and_modules():
     assert all(name in output for name in (*CONFIGS, *ATTITUDE_CORES))
 
 
-def test_generate_writes_verilog_and_json(tmp_path):
+def test_generate_writes_verilog_json_and_waivers(tmp_path):
     result = run("generate", "--config", "mahony", "--set", "kp=2", "--module", "INS_gyro", "--output", tmp_path)
     assert result.exit_code == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["INS_gyro.json", "INS_gyro.v"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["INS_gyro.json", "INS_gyro.v", "INS_gyro.vlt"]
     description = json.loads((tmp_path / "INS_gyro.json").read_text(encoding="utf-8"))
     assert description["configuration"]["kp"] == 2
     assert description["command_line"] == "strapdown generate --config mahony --set kp=2 --module INS_gyro"

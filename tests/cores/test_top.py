@@ -86,7 +86,7 @@ def test_a_wrapper_runs(example, make_core, models, tmp_path, module, config):
 
 def test_the_example_of_the_document_writes_a_module(example, make_core):
     files = {path.name for path in (example.folder / "build" / "verilog" / "thesis").iterdir()}
-    assert files == {"INS_top_word.v", "INS_top_word.json"}
+    assert files == {"INS_top_word.v", "INS_top_word.json", "INS_top_word.vlt"}
 
 
 class Described(Wrapper):

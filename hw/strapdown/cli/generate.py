@@ -36,7 +36,7 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 @click.option("--output", type=FOLDER, default=None,
               help="Folder to write to.  [default: build/verilog/CONFIG, for other ports build/verilog/CONFIG-PORTS]")
 def generate(target, config_name, changes, modules, names, output):
-    """Write <Module>.v and <Module>.json for each module of a configuration.
+    """Write <Module>.v, <Module>.json and <Module>.vlt for each module of a configuration.
 
     The configuration is one of 'strapdown list', or one in your own Python file. Each Verilog file is self-contained
     Verilog-2001. Two runs give equal bytes.

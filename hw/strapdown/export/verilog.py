@@ -1,4 +1,4 @@
-"""Plain Verilog-2001 with readable names, a header that explains it, and a JSON description."""
+"""Plain Verilog-2001 with readable names, a header that explains it, a JSON description and waivers of lint rules."""
 
 import inspect
 import json
@@ -13,6 +13,7 @@ from strapdown.files import written_together
 from .backend import to_verilog
 from .constants import with_constants
 from .explain import operations_of_cycles, program_listing
+from .lint import waivers
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
@@ -31,14 +32,14 @@ MICROCODE = "microcode"
 
 
 def write(top, directory, *, command, config=None):
-    """Write the Verilog file of a module, and a JSON file that describes it.
+    """Write the Verilog file of a module, a JSON file that describes it, and waivers of Verilator's lint rules.
 
     Parameters
     ----------
     top : Top
         The module. Its component gives name, title, ports, header and figures.
     directory : Path
-        Folder for ``NAME.v`` and ``NAME.json``; made if it is missing.
+        Folder for ``NAME.v``, ``NAME.json`` and ``NAME.vlt``; made if it is missing.
     command : str
         The command line that makes the files again, quoted for a shell; empty for none.
     config : Config or None
@@ -49,11 +50,12 @@ def write(top, directory, *, command, config=None):
     Path
         The Verilog file.
 
-    Raises: OSError if the files cannot be written; then neither file has changed.
+    Raises: OSError if the files cannot be written; then no file has changed.
     """
     name = top.component.name
     files = {f"{name}.v": verilog_text(top, config, command=command),
-             f"{name}.json": json.dumps(description(top, config, command), indent=2, allow_nan=False) + "\n"}
+             f"{name}.json": json.dumps(description(top, config, command), indent=2, allow_nan=False) + "\n",
+             f"{name}.vlt": waivers(name)}
     with written_together(directory) as partial:
         for file, text in files.items():
             (partial / file).write_text(text, encoding="utf-8")
