@@ -207,7 +207,7 @@ def test_replay_of_a_csv_file(tmp_path, models):
     result = run("replay", recording, "--config", "mahony", "--output", tmp_path / "out", "--build", models)
     assert result.exit_code == 0, result.output
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "INS_top.v", "INS_top.json", "attitude.csv", "summary.json", "attitude.png"}
+        "INS_top.v", "INS_top.json", "INS_top.vlt", "attitude.csv", "summary.json", "attitude.png"}
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["samples"] == 200
     assert summary["sample_rate_hz"] == pytest.approx(100)

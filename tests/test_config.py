@@ -60,7 +60,8 @@ def test_replace_takes_values_and_strings():
     ({"magnetometer_axes": ("+x", "+y")}, "configuration thesis: magnetometer_axes must name each sensor axis once, "
                                           "with its sign, as in +y,-x,+z, not ('+x', '+y')"),
     ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
-                  "interval, operand_memory, side_memory, microcode, clock_enable, kp, ki, magnetometer_axes"),
+                  "interval, operand_memory, side_memory, microcode, restart_after, clock_enable, kp, ki, "
+                  "magnetometer_axes"),
     ({"channels": "0"}, "configuration thesis: channels must be greater than or equal to 1, not '0'"),
     ({"channels": 6}, "configuration thesis: channels must be a power of two, not 6"),
     ({"channels": 128}, "configuration thesis: channels must be less than or equal to 64, not 128"),
@@ -115,21 +116,25 @@ def test_a_configuration_must_say_its_modules():
         modules_of(Unfinished(name="unfinished", description="", sample_rate_hz=1))
 
 
-@pytest.mark.parametrize(("changes", "memories", "attributes"), [
-    ({}, ("auto", False, "block"), {"microcode": "block"}),
-    ({"operand_memory": "block"}, ("block", False, "block"), {"operands": "block", "microcode": "block"}),
+@pytest.mark.parametrize(("changes", "memories", "rams", "roms"), [
+    ({}, ("auto", False, "block"), {}, {"block"}),
+    ({"operand_memory": "block"}, ("block", False, "block"), {"operands": "block"}, {"block"}),
     ({"side_memory": "distributed", "microcode": "distributed"}, ("auto", "distributed", "distributed"),
-     {"side_memory": "distributed", "microcode": "distributed"}),
+     {"side_memory": "distributed"}, {"distributed"}),
     ({"operand_memory": "distributed", "side_memory": "true", "microcode": "auto"}, ("distributed", "auto", "auto"),
-     {"operands": "distributed"}),
-    ({"channels": 2, "side_memory": "none", "microcode": "auto"}, ("block", False, "auto"), {"main_memory": "block"}),
-    ({"channels": 2, "operand_memory": "auto", "side_memory": ""}, ("auto", "auto", "block"), {"microcode": "block"})])
-def test_a_configuration_says_what_its_memories_are_made_of(changes, memories, attributes):
+     {"operands": "distributed"}, set()),
+    ({"channels": 2, "side_memory": "none", "microcode": "auto"}, ("block", False, "auto"),
+     {"main_memory": "block"}, set()),
+    ({"channels": 2, "operand_memory": "auto", "side_memory": ""}, ("auto", "auto", "block"), {}, {"block"})])
+def test_a_configuration_says_what_its_memories_are_made_of(changes, memories, rams, roms):
     config = QUATERNION_J2.replace(**changes)
     core = make_core(main_module(config), config)
     told = description(core, config, "")["configuration"]
     for name, wanted in zip(("operand_memory", "side_memory", "microcode"), memories, strict=True):
         assert getattr(config.engine_pool, name) == (wanted and MemoryStyle(wanted))
         assert told[name] == wanted
-    found = re.findall(r'\(\* r[ao]m_style = "(\w+)" \*\)\s+reg \[[^]]*\] (\w+)', verilog_text(core))
-    assert {name: style for style, name in found} == attributes
+    text = verilog_text(core)
+    assert {name: style for style, name in re.findall(
+        r'\(\* ram_style = "(\w+)" \*\)\s+reg \[[^]]*\] (\w+)', text)} == rams
+    # A ROM is a case, and has the attribute there and at its output.
+    assert {*re.findall(r'\(\* rom_style = "(\w+)" \*\)\s+case ', text)} == roms

@@ -121,7 +121,8 @@ def test_a_wrapper_describes_itself(make_core, tmp_path):
     assert header.endswith("\n// MORE\n//   A sentence.\n//   1   row\n//   22  rows\n")
     assert told["more"] == [1, 2]
     assert told["latency_cycles"] == top.latency == make_core("INS_matx", THESIS).latency
-    ports = re.findall(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);", verilog.split("endmodule")[0], re.MULTILINE)
+    ports = re.findall(r"^  (input|output) (?:wire|reg) (?:\[(\d+):0\] )?(\w+)(?: = [^,\s]+)?,?$",
+                       verilog.split("endmodule")[0], re.MULTILINE)
     assert sorted((direction, int(high or 0) + 1, name) for direction, high, name in ports) == sorted(
         (port["direction"], port["width"], port["name"]) for port in told["ports"])
     elements = [f"out_c{row}{column}" for row in "123" for column in "123"]
