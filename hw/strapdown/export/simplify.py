@@ -281,7 +281,12 @@ def _remove_unread(circuit):
 
 
 def inlined(circuit):
-    """Wires without a name whose operation stands where they are read, because that is one place."""
+    """Wires without a name whose operation stands where they are read, because that is one place.
+
+    The inverse of a flag stands in any number of places. The inverse of a bit of a vector does not: Yosys puts the
+    operands of a sum in the order of their wires, and only one order needs one LUT a bit if the other operand is
+    chosen by a sign. A sign that is written twice becomes one late wire.
+    """
     reads: Counter[str] = Counter()
     whole: Counter[str] = Counter()
 
@@ -309,7 +314,14 @@ def inlined(circuit):
                              if part.wire in taken)
         if not anonymous(circuit.names[wire]) or wire in circuit.ports or reads[wire] != whole[wire]:
             continue
-        simple = driver.kind == "$not" and len(driver.operands[0]) == 1 and size[wire] == 1
+        simple = driver.kind == "$not" and size[wire] == 1 and _is_flag(circuit, driver.operands[0])
         if (simple or reads[wire] == 1) and size[wire] <= LARGEST_EXPRESSION:
             taken.add(wire)
     return taken
+
+
+def _is_flag(circuit, value):
+    """True if a value is a whole wire of one bit."""
+    (first, *others) = value
+    return isinstance(first, Slice) and not others and circuit.widths[first.wire] == 1 and \
+        value == circuit.whole(first.wire)
