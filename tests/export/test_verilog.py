@@ -167,9 +167,9 @@ def test_word_holds_the_line_that_the_header_says(folder, make_core, tmp_path):
     if missing := icarus_missing():
         pytest.skip(missing)
     assert "engine.word holds the line of the microprogram whose number is engine.counter - 2" in re.sub(
-        r"\n// +", " ", (folder / "INS_atan.v").read_text())
+        r"\n// +", " ", (folder / "INS_atan.v").read_text(encoding="utf-8"))
     system, program = make_core("INS_atan", THESIS).system, make_core("INS_atan", THESIS).engine.program
-    (tmp_path / "bench.v").write_text((folder / "INS_atan.v").read_text() + f"""
+    (tmp_path / "bench.v").write_text((folder / "INS_atan.v").read_text(encoding="utf-8") + f"""
 module bench;
   reg clk = 0, start = 0;
   INS_atan dut(.clk(clk), .rst_n(1'b1), .{system.start}(start));
@@ -182,7 +182,7 @@ module bench;
     $finish;
   end
 endmodule
-""")
+""", encoding="utf-8")
     run_tool(["iverilog", "-g2001", "-s", "bench", "-o", tmp_path / "bench.vvp", tmp_path / "bench.v"])
     rows = [line.split() for line in run_tool(["vvp", "-n", tmp_path / "bench.vvp"]).splitlines() if line[0].isdigit()]
     seen = [(int(counter), int(word, 16), int(fetched, 16)) for counter, word, fetched in rows]
