@@ -73,7 +73,7 @@ def test_a_reset_needs_no_contents_of_registers_and_memories(model):
 
 @pytest.mark.verilator
 def test_an_update_whose_cycles_are_not_those_of_the_schedule_is_refused(model):
-    for name in ("counter", "left") if model.core.engine.channels == 1 else ("counter", "slot", "check"):
+    for name in ("cycle", "left") if model.core.engine.channels == 1 else ("cycle", "slot", "check"):
         result, sample = upset(model, np.full(UPSETS, BIT), f"{model.core.system.name}_engine.{name}")
         # Not in the few cycles in which nothing is in flight, or all of an update is done. With several channels, an
         # update in its last interval may also be lost: if the counter skips its last cycle, it has no finish.
@@ -84,7 +84,7 @@ def test_an_update_whose_cycles_are_not_those_of_the_schedule_is_refused(model):
 
 @pytest.mark.verilator
 @pytest.mark.parametrize("model", [THESIS_X8], indirect=True, ids=["thesis_x8"])
-@pytest.mark.parametrize("name", ["", ".counter", ".beginning", "_divider_0.busy", "_divider_0.quotient",
+@pytest.mark.parametrize("name", ["", ".cycle", ".beginning", "_divider_0.busy", "_divider_0.quotient",
                                   "_arctangent.fsm_state"])
 def test_a_core_that_never_rests_settles_as_well(model, name):
     engine = model.core.engine

@@ -166,7 +166,7 @@ def test_description_tells_ports_latency_configuration_versions_and_command(fold
 def test_word_holds_the_line_that_the_header_says(folder, make_core, tmp_path):
     if missing := icarus_missing():
         pytest.skip(missing)
-    assert "engine.word holds the line of the microprogram whose number is engine.counter - 2" in re.sub(
+    assert "engine.word holds the line of the microprogram whose number is engine.cycle - 2" in re.sub(
         r"\n// +", " ", (folder / "INS_atan.v").read_text(encoding="utf-8"))
     system, program = make_core("INS_atan", THESIS).system, make_core("INS_atan", THESIS).engine.program
     (tmp_path / "bench.v").write_text((folder / "INS_atan.v").read_text(encoding="utf-8") + f"""
@@ -177,8 +177,8 @@ module bench;
   initial begin
     #20 start = 1;
     #2 start = 0;
-    repeat ({program.length}) #2 if (dut.engine.counter > 1)
-      $display("%0d %h %h", dut.engine.counter, dut.engine.word, dut.engine.fetched);
+    repeat ({program.length}) #2 if (dut.engine.cycle > 1)
+      $display("%0d %h %h", dut.engine.cycle, dut.engine.word, dut.engine.next_word);
     $finish;
   end
 endmodule

@@ -98,7 +98,7 @@ class Engine(SystemComponent):
             "in every update, with all outputs, which hold until the next finish. The next start can be taken one edge "
             "later.")
         places = ("While an update runs, engine.word holds the line of the microprogram whose number is "
-                  "engine.counter - 2, and engine.fetched the next line.")
+                  "engine.cycle - 2, and engine.next_word the next line.")
         return (Section("TIMING", paragraphs=(timing,)),
                 Section("SEQUENCER (engine.state)", paragraphs=(places,), rows=tuple(
                     zip(range(len(self.state_names)), self.state_names, ("waits for a start", *spans, last),
@@ -154,11 +154,11 @@ class Engine(SystemComponent):
         return m
 
     def _sequencer(self, m):
-        """The state of the update and the fetched word: a Control.
+        """The state of the update and the words of the microprogram: a Control.
 
-        The ROM output is registered twice: ``fetched`` is the word after the current one, and the program counter is
-        one ahead of that. While the engine is idle, the first word is fetched in every cycle. The engine is ``primed``
-        when the ROM has output this word, at the first edge without a reset.
+        The ROM output is registered twice: ``next_word`` is the word after the current one, and ``cycle``, the program
+        counter, is one ahead of that. While the engine is idle, the first word is fetched in every cycle. The engine is
+        ``primed`` when the ROM has output this word, at the first edge without a reset.
 
         A second counter counts the remaining cycles down to -1, and then the update ends. An update whose program ends
         in another cycle is not ``complete``: a counter, the state or the ROM is wrong. Both counters are set while no
@@ -168,18 +168,18 @@ class Engine(SystemComponent):
         start, finish = (getattr(self, name) for name in (self._system.start, self._system.finish))
         IDLE, END = 0, len(self.state_names) - 1
         state = Signal(range(END + 1), init=IDLE)
-        counter, left = Signal(range(program.length), name="counter"), Signal(range(-1, program.length), name="left")
+        cycle, left = Signal(range(program.length), name="cycle"), Signal(range(-1, program.length), name="left")
         primed, complete = Signal(name="primed"), Signal(name="complete")
         idle, ending, running = (Signal(name=name) for name in ("idle", "ending", "running"))
         m.d.comb += [idle.eq(state == IDLE), ending.eq(state == END), running.eq(~idle & (state < END))]
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs=program.schedule.pool.microcode.attributes("rom_style"))
         fetch = rom.read_port()
-        fetched, word = Signal(program.layout, name="fetched"), Signal(program.layout, name="word")
+        next_word, word = Signal(program.layout, name="next_word"), Signal(program.layout, name="word")
         last, due, taken = Signal(name="last"), Signal(name="due"), Signal(name="taken")
-        m.d.comb += [fetch.addr.eq(counter), fetched.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
+        m.d.comb += [fetch.addr.eq(cycle), next_word.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
                      due.eq(left < 0), taken.eq(idle & primed & start)]
-        m.d.sync += [primed.eq(1), complete.eq(running & last & due), counter.eq(Mux(running, counter + 1, taken)),
+        m.d.sync += [primed.eq(1), complete.eq(running & last & due), cycle.eq(Mux(running, cycle + 1, taken)),
                      left.eq(Mux(running, left - 1, program.length - 1))]
         with m.If(taken):
             m.d.sync += [state.eq(IDLE + 1), finish.eq(0)]
@@ -191,7 +191,7 @@ class Engine(SystemComponent):
             m.d.sync += state.eq(IDLE)
         with m.If(ending):
             m.d.sync += finish.eq(1)
-        return Control(start, idle, taken, running & ~due, ending, complete, fetched, word,
+        return Control(start, idle, taken, running & ~due, ending, complete, next_word, word,
                        bank=Signal(name="bank"), fresh=Signal(name="fresh", init=1))
 
     def _word(self, m, control):
@@ -200,14 +200,14 @@ class Engine(SystemComponent):
         The bank inverts the lowest bit of addresses of the state, and the steps that restore the state are enabled only
         after a reset. Both are applied one cycle before the word is used, because neither changes during an update.
         """
-        program, fetched = self._program, control.fetched
+        program, next_word = self._program, control.next_word
         settled = Signal(program.layout)
-        m.d.comb += settled.eq(fetched)
+        m.d.comb += settled.eq(next_word)
         if program.graph.state:
             for path in program.address_fields:
-                read, turned = (_field(fields, path).address for fields in (fetched, settled))
+                read, turned = (_field(fields, path).address for fields in (next_word, settled))
                 m.d.comb += turned.eq(read ^ (control.bank & (read < program.state_words)))
-            m.d.comb += settled.write.enable.eq(fetched.write.enable & (control.fresh | ~fetched.write.restore))
+            m.d.comb += settled.write.enable.eq(next_word.write.enable & (control.fresh | ~next_word.write.restore))
         m.d.sync += control.word.eq(Mux(control.active, settled, 0))
         return control.word
 
@@ -277,9 +277,9 @@ class Engine(SystemComponent):
 
     def _arrives(self, m, control, node, name):
         """High if a node's value is on the bus on its way to memory; computed one cycle earlier."""
-        arrives, fetched = Signal(name=f"{name}_arrives"), control.fetched
+        arrives, next_word = Signal(name=f"{name}_arrives"), control.next_word
         address = self._program.addresses[node]
-        m.d.sync += arrives.eq(control.active & fetched.write.enable & (fetched.write.address == address))
+        m.d.sync += arrives.eq(control.active & next_word.write.enable & (next_word.write.address == address))
         return arrives
 
     def _outputs(self, m, control, writes, commit):
@@ -346,7 +346,7 @@ class Engine(SystemComponent):
 
 class Control(NamedTuple):
     """Signals of the sequencer: ``active`` in all cycles of an update but the last two; ``complete`` in the last one,
-    END, if it came in time; ``bank`` and ``fresh`` of the state; ``fetched`` is the next word before the bank is
+    END, if it came in time; ``bank`` and ``fresh`` of the state; ``next_word`` is the next word before the bank is
     applied, ``word`` the current word."""
 
     start: Value
@@ -355,7 +355,7 @@ class Control(NamedTuple):
     active: Value
     ending: Signal
     complete: Signal
-    fetched: Value
+    next_word: Value
     word: Value
     bank: Signal
     fresh: Signal

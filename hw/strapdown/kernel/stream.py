@@ -178,7 +178,7 @@ class StreamEngine(SystemComponent):
         """
         program, schedule = self._program, self._program.schedule
         length = program.length
-        counter, slot = Signal(range(length), name="counter"), Signal(range(length), name="slot")
+        cycle, slot = Signal(range(length), name="cycle"), Signal(range(length), name="slot")
         following, goes = Signal(range(length), name="following"), Signal(name="goes")
         beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
         in_flight, occupied = Signal(name="in_flight"), Signal(name="occupied")
@@ -196,8 +196,8 @@ class StreamEngine(SystemComponent):
             taken.eq(start & self.in_ready),
             waiting.eq(beginning & ~in_flight & ~(start & primed)),
             goes.eq(~waiting),
-            following.eq(Mux(counter == length - 1, 0, counter + goes))]
-        m.d.sync += [counter.eq(following), beginning.eq(following == 0), slot.eq(counter)]
+            following.eq(Mux(cycle == length - 1, 0, cycle + goes))]
+        m.d.sync += [cycle.eq(following), beginning.eq(following == 0), slot.eq(cycle)]
         commit, refuse = Signal(name="commit"), Signal(name="refuse")
         # Another counter, set by the beginnings, must agree with the slot.
         check, upset = Signal(range(length), name="check"), Signal(name="upset")
@@ -206,7 +206,7 @@ class StreamEngine(SystemComponent):
         known = [getattr(stages, name)[-1] for name in ("valid", "channel", "bank", "fresh", "parity")]
         m.d.comb += [upset.eq(slot != check), refuse.eq(stages.bad[-1] | upset | Cat(known).xor()),
                      commit.eq((slot == schedule.commit % length) & stages.valid[-1])]
-        return Control(counter, following, slot, beginning, waiting, taken, upset, turn, commit, refuse)
+        return Control(cycle, following, slot, beginning, waiting, taken, upset, turn, commit, refuse)
 
     def _restart(self, m, control, stages):
         """High at the end of an update after which the channel's state is that after a reset: it and those before it
@@ -265,7 +265,7 @@ class StreamEngine(SystemComponent):
                                               attrs=style.attributes("rom_style") if registered else {})
         fetch = rom.read_port(domain="sync" if registered else "comb")
         settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word", reset_less=True)
-        m.d.comb += [fetch.addr.eq(control.following if registered else control.counter), settled.eq(fetch.data)]
+        m.d.comb += [fetch.addr.eq(control.following if registered else control.cycle), settled.eq(fetch.data)]
         m.d.sync += word.eq(settled)
         known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))
         low = program.index_bits
@@ -462,7 +462,7 @@ class Control(NamedTuple):
     """Signals of the sequencer: ``waiting`` while no update is in flight and no sample comes, ``upset`` is high if
     the slot is wrong, ``turn`` counts the intervals for addresses."""
 
-    counter: Signal
+    cycle: Signal
     following: Signal
     slot: Signal
     beginning: Signal

@@ -89,7 +89,7 @@ class _Update(_Edge):
 
     def ready(self, s):
         """High if the engine is idle, and the next start begins an update."""
-        return (s["state"] == 0) & (s["counter"] == 0) & (s["left"] == self.length - 1) & s["primed"]
+        return (s["state"] == 0) & (s["cycle"] == 0) & (s["left"] == self.length - 1) & s["primed"]
 
     def remaining(self, s):
         """Edges until the engine is idle: 0 if it is."""
@@ -124,7 +124,7 @@ class UpdateTiming(_Update):
 
     def in_step(self, s):
         """High in an update in step, END included."""
-        fetched, word = (self.engine.program.layout(s[name]) for name in ("fetched", "word"))
+        fetched, word = (self.engine.program.layout(s[name]) for name in ("next_word", "word"))
         ends = [cycle for cycle, fields in enumerate(self.engine.program.words) if fields.get("advance")]
         cycle = self.length - 1 - s["left"]
 
@@ -133,7 +133,7 @@ class UpdateTiming(_Update):
 
         section = 1 + reduce(add, [cycle > end + 1 for end in ends])
         running = (self.running(s) & (cycle >= 0) & (cycle <= self.length) & (s["state"] == section)
-                   & (s["counter"] == (cycle + 1)[:len(s["counter"])])
+                   & (s["cycle"] == (cycle + 1)[:len(s["cycle"])])
                    & (word.advance == advances(cycle - 1))
                    & ((cycle == self.length) | (fetched.advance == advances(cycle))))
         return Mux(s["state"] == self.end, s["complete"], running) & ~self.finish
@@ -172,7 +172,7 @@ class _Channels(_Edge):
 
     def at_beginning(self, s):
         """High in the cycle before an interval, or while the engine waits for a sample."""
-        return s["beginning"] & (s["counter"] == 0)
+        return s["beginning"] & (s["cycle"] == 0)
 
 
 class ChannelRecovery(_Channels):
@@ -190,7 +190,7 @@ class ChannelRecovery(_Channels):
     """
 
     def channel_claims(self, m, s, updates, own, offered, taken):
-        engine, interval, counter, turn = self.engine, self.interval, s["counter"], s["turn"]
+        engine, interval, counter, turn = self.engine, self.interval, s["cycle"], s["turn"]
         # A counter beyond the interval continues to its greatest code. One that waits elsewhere goes on an edge later.
         onward = Mux(counter < interval, interval, 1 << len(counter)) - counter + s["beginning"]
         beginning = Mux(counter == 0, Mux(s["beginning"], 0, interval), onward).as_unsigned()
@@ -225,7 +225,7 @@ class ChannelTiming(_Channels):
 
     def in_step(self, s, in_flight):
         """High if the counters are in step."""
-        counter, slot = s["counter"], s["slot"]
+        counter, slot = s["cycle"], s["slot"]
         follows = counter == Mux(slot == self.interval - 1, 0, slot + 1)
         waits = (counter == 0) & (slot == 0) & ~in_flight
         return ((slot < self.interval) & (s["check"] == slot) & (s["beginning"] == (counter == 0))
