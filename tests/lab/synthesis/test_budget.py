@@ -10,7 +10,7 @@ from strapdown_lab.synthesis import Xc7Resources, synthesise_xc7
 
 BUDGETS = {
     "thesis": {"cycles": 270, "lut": 2500, "dsp": 6, "bram": 2},
-    "thesis_compact": {"cycles": 2000, "lut": 1000, "dsp": 4, "bram": 2},
+    "thesis_compact": {"cycles": 2000, "lut": 1010, "dsp": 4, "bram": 2},
     "thesis_fast": {"cycles": 170, "lut": 6000, "dsp": 24, "bram": 2},
     "thesis_x8": {"cycles": 110, "lut": 3300, "dsp": 6, "bram": 2},
     "flight": {"cycles": 450, "lut": 3800, "dsp": 6},

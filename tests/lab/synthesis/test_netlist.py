@@ -118,7 +118,7 @@ def stimulus(core):
         length = core.latency // 3 if update == RESET_UPDATE else core.latency + rng.integers(2, 6)
         # A start and other inputs during an update do not matter.
         starts = rng.random(length) < 0.02
-        starts[0] = True
+        starts[0], starts[core.latency:] = True, False
         noise = rng.integers(0, 1 << 32, (length, len(sample)), dtype=np.uint32)
         noise[0] = sample.view(np.uint32)
         rows += [(1, start, *words) for start, words in zip(starts, noise, strict=True)]
