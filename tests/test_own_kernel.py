@@ -107,7 +107,7 @@ def test_every_command_of_the_section(page, folder, root):
     assert "my_core.py:" in printed["explain my_core.py:COMPASS --cycle 20"]
     assert json.loads((folder / "out" / "summary.json").read_text(encoding="utf-8"))["bits_differing_from_twin"] == 0
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
-        "COMPASS_top.json", "COMPASS_top.v", "outputs.csv", "outputs.png", "summary.json"]
+        "COMPASS_top.json", "COMPASS_top.v", "COMPASS_top.vlt", "outputs.csv", "outputs.png", "summary.json"]
     table = np.genfromtxt(folder / "out" / "outputs.csv", delimiter=",", names=True)
     assert table.dtype.names == ("t", "heading", "tilt")
     assert len(table) == 100

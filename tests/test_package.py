@@ -80,7 +80,7 @@ def test_installed_wheel_lists_generates_and_replays(root, distributions, tmp_pa
     assert "INS_top" in strapdown("list")
     strapdown("generate", "--config", "mahony", "--module", "INS_top")
     verilog = tmp_path / "build" / "verilog" / "mahony" / "INS_top.v"
-    assert "module INS_top(" in verilog.read_text(encoding="ascii")
+    assert "module INS_top (" in verilog.read_text(encoding="ascii")
 
     rows = [f"{k / 100:.2f},1,2,3,0.01,0.02,1,20,1,-40" for k in range(100)]
     (tmp_path / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
@@ -89,7 +89,7 @@ def test_installed_wheel_lists_generates_and_replays(root, distributions, tmp_pa
     assert len(attitude) == 100
     assert np.isfinite(attitude["yaw"]).all()
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "INS_top.json", "INS_top.v", "attitude.csv", "attitude.png", "summary.json"]
+        "INS_top.json", "INS_top.v", "INS_top.vlt", "attitude.csv", "attitude.png", "summary.json"]
 
     assert strapdown("report", status=2) == \
         "strapdown: 'report' needs a checkout of the project: there, 'make setup' installs it\n"
