@@ -238,9 +238,9 @@ def test_wrong_predictions_cost_time_only(monkeypatch):
     expected, _ = INS_TOP.run(THESIS.pool, inputs)
     predicted = System._predicted
 
-    def wrong(self, fmt, inputs, state, refusals):
-        return {word: np.concatenate((values[:1], values[1:] + fmt.dtype.type(1)))
-                for word, values in predicted(self, fmt, inputs, state, refusals).items()}
+    def wrong(self, dtype, inputs, state, refusals):
+        return {word: np.concatenate((values[:1], values[1:] + dtype.type(1)))
+                for word, values in predicted(self, dtype, inputs, state, refusals).items()}
 
     monkeypatch.setattr(System, "_predicted", wrong)
     result, _ = INS_TOP.run(THESIS.pool, inputs)

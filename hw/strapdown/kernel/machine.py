@@ -160,7 +160,7 @@ class UpdateMachine(Machine):
                    if not node.computed or not all(unit.direct for unit in self.units(node))}
         # Readers that share a port cannot all be issued in the cycle in which the result comes out.
         result |= {node for node, counts in ports.items() if max(counts.values(), default=0) > 1}
-        return {node for node in result if self.needs_step(node)}
+        return result
 
     def least_wait(self, read):
         from_memory = read.condition or read.node.operation == "state"

@@ -363,7 +363,7 @@ class System:
         blocks, first, size = [], 0, FIRST_BLOCK if words else count
         while first < count:
             block = {port: array[first:first + size] for port, array in ports.items()}
-            guess = self._predicted(fmt, block, before, refusals)
+            guess = self._predicted(fmt.dtype, block, before, refusals)
             with np.errstate(all="ignore"):
                 twin = self.update_twin(pool, block, guess)
             shape = next(iter(block.values())).shape
@@ -433,15 +433,15 @@ class System:
                              f"not numbers of shape {arrays[0].shape}")
         return dict(zip(columns, arrays, strict=True))
 
-    def _predicted(self, format, inputs, state, refusals):
+    def _predicted(self, dtype, inputs, state, refusals):
         """State before each update of a block; nearly always equal to that of the twin.
 
         NumPy rounds as the operators do, except for subnormal numbers and trigonometry.
         """
         if not state:
             return {}
-        dtype, counted = format.dtype, Refusals(self.restart_after, refusals)
         xp, count = Rounded(dtype), len(next(iter(inputs.values())))
+        counted = Refusals(self.restart_after, refusals)
         states = {word: np.empty((count, *values.shape), dtype) for word, values in state.items()}
         rows = [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)]
         with np.errstate(all="ignore"):
