@@ -61,7 +61,7 @@ def control(make, parameters, options):
     yield Property(subject, "one done for each accepted start, and no other", partial(IterativeHandshake, op),
                    2 * one.interval + one.latency + 2)
     yield Property(subject, "results hold from one done to the next", partial(IterativeHold, op), 1, ("op",))
-    # A counter with more codes than an operation needs has everything before it.
+    # A counter may begin at a code that no operation reaches, and then counts through all of those codes first.
     edges = 2 * one.interval
     yield Property(subject, "whatever its registers held, it is free in time",
                    partial(IterativeRecovery, op, edges=edges), edges + one.latency, ("op",))

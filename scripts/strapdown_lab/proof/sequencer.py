@@ -124,7 +124,7 @@ class UpdateTiming(_Update):
 
     def in_step(self, s):
         """High in an update in step, END included."""
-        fetched, word = (self.engine.program.layout(s[name]) for name in ("next_word", "word"))
+        next_word, word = (self.engine.program.layout(s[name]) for name in ("next_word", "word"))
         ends = [cycle for cycle, fields in enumerate(self.engine.program.words) if fields.get("advance")]
         cycle = self.length - 1 - s["left"]
 
@@ -135,7 +135,7 @@ class UpdateTiming(_Update):
         running = (self.running(s) & (cycle >= 0) & (cycle <= self.length) & (s["state"] == section)
                    & (s["cycle"] == (cycle + 1)[:len(s["cycle"])])
                    & (word.advance == advances(cycle - 1))
-                   & ((cycle == self.length) | (fetched.advance == advances(cycle))))
+                   & ((cycle == self.length) | (next_word.advance == advances(cycle))))
         return Mux(s["state"] == self.end, s["complete"], running) & ~self.finish
 
     def claims(self, m, s):
