@@ -1,4 +1,4 @@
-"""The operator of docs/kernels.md, in a file of its user's: in the twin, in both schedules and in both circuits."""
+"""The operator of docs/kernels.md, in a user's file: in the twin, in both schedules and in both circuits."""
 
 from itertools import pairwise
 

@@ -109,7 +109,7 @@ def forgotten():
 
 
 def named(kind, name, **members):
-    """An operator ``Own`` that is as another one, but for its name and other members."""
+    """An operator ``Own`` that differs from another one in its name and in the given members."""
     return dataclass(frozen=True, kw_only=True)(type("Own", (kind,), {"name": name, "operations": (), **members}))
 
 

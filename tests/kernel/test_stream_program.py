@@ -37,7 +37,7 @@ def program():
     return StreamProgram(modulo_schedule(SYSTEM.trace(POOL), StreamMachine(POOL), INTERVAL), CHANNELS)
 
 
-def program_bits(constants):
+def number_bits(constants):
     """Bits of the number of a constant, at least one."""
     return max(len(constants) - 1, 1).bit_length()
 
@@ -71,7 +71,7 @@ class Machine:
         if kind == PLAIN:
             return address
         if kind == CONSTANT:
-            return address + period % (1 << program_bits(self.program.constants))
+            return address + period % (1 << number_bits(self.program.constants))
         if kind == TURNED:
             low = (1 << parameter) - 1
             return address & ~low | (address + period) & low
@@ -186,7 +186,7 @@ def check_words(system, program):
         state[channel] = 1 - bank, {word: twin[word] for word in program.graph.state}
         running.append((begin, channel))
     machine.run(begins)
-    assert len(machine.refreshed) == min(len(begins), 1 << program_bits(program.constants))
+    assert len(machine.refreshed) == min(len(begins), 1 << number_bits(program.constants))
     for begin, twin in enumerate(expected):
         if twin is not None:
             for port, node in program.schedule.graph.outputs.items():

@@ -82,9 +82,9 @@ class CordicComponent(Described):
 
     @staticmethod
     def _lead_back(m, fsm):
-        """Lead the codes of a state machine that stand for no state back to the first state.
+        """Lead a state machine to its first state if its register has a code that stands for no state.
 
-        A synthesis tool that chose other codes would drop this.
+        A synthesis tool that chose other codes would remove this, so an attribute keeps the codes.
         """
         fsm.state.attrs["fsm_encoding"] = "none"
         with m.If(fsm.state >= len(fsm.encoding)):

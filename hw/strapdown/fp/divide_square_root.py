@@ -148,7 +148,8 @@ class DigitRecurrence(Described):
     def _iterate(self, m):
         begun = self._begin(m, self._normalise(m, self._unpack(m)))
         # A leading one is shifted in front of the quotient; when it reaches the top, the recurrence ends. If an upset
-        # clears it, the next one ends the recurrence, which may step over the topmost bit. Without any it ends too.
+        # clears it, the next one takes its place. That one may skip the topmost bit, so the bits of a whole step are
+        # examined. If all bits are 0, the recurrence ends without a result.
         begun.quotient = C(1, self._bits + 1)
         s = SimpleNamespace(**{name: Signal.like(value, name=name, reset_less=True)
                                for name, value in vars(begun).items()})

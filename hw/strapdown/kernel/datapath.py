@@ -17,7 +17,7 @@ def memory(program, depth, style):
 def constants(m, program, style):
     """The ROM with the constants of a program, as the submodule ``constants``.
 
-    The tool makes it of LUTs, of one per bit up to 32 constants. More constants are in block RAM, if the operands are.
+    It consists of LUTs, one per bit for up to 32 constants. More constants are in block RAM if the operands are.
     """
     in_block = style is MemoryStyle.BLOCK and len(program.constants) > 32
     m.submodules.constants = rom = Memory(

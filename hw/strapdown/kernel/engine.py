@@ -319,7 +319,6 @@ class Engine(SystemComponent):
         with m.If(control.start | early):
             m.d.sync += status[IGNORED].eq(~control.taken)
 
-
     def _restart(self, m, control, word, writes, commit):
         """The count of refused updates whose inputs were all finite; at its end, the state is that after a reset."""
         (_, bus), *_ = writes

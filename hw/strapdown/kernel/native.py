@@ -88,7 +88,7 @@ def _program(graph, fmt, refuses, restart_after):
 
     ``held`` has outputs, state words and the count of refusals; the function replaces them by those after the last
     update. A row of results has outputs, state words, status, 1 if the update was refused, and 1 if the state starts
-    again after it: after so many refusals as ``restart_after``, or never if that is 0.
+    again after it: after as many refusals as ``restart_after``, or never if that is 0.
     """
     real, word = C_TYPES[fmt.width]
     short = fmt.width == 32

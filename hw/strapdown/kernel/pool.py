@@ -83,7 +83,7 @@ STYLES = "auto, distributed or block"
 SUITED: dict[str, tuple[Any, Any]] = {
     "forwarding": (True, False), "operand_memory": (MemoryStyle.AUTO, MemoryStyle.BLOCK),
     "side_memory": (False, MemoryStyle.AUTO)}
-"""Fields of a Pool that may be None, to what suits an engine for one channel and an engine for several."""
+"""Maps each field of a Pool that may be None to its value for one channel, and its value for several."""
 
 RESERVED = {"input", "other", "bus", "memory", "side", "main", "operands", "signs", "microcode", "main_memory",
             "side_memory", "bank", "fresh", "banks", "freshness"}
@@ -166,7 +166,7 @@ class Pool:
                 raise ValueError(f"{name} must be {kinds}, not {value!r}") from None
 
     def _check_units(self):
-        """Refuse units that the engines cannot tell apart, or that need a second condition a cycle."""
+        """Refuse units that the engines cannot tell apart, or that need a second condition per cycle."""
         names = [unit.name for unit in self.units]
         for name in names:
             if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
@@ -181,7 +181,7 @@ class Pool:
             raise ValueError(f"one unit of a pool can take a condition, not {' and '.join(choosers)}")
 
     def settled(self, channels):
-        """This pool with what is None settled, for an engine of so many channels."""
+        """This pool with values from SUITED in place of None, for an engine with this number of channels."""
         open_ones = [name for name in SUITED if getattr(self, name) is None]
         return replace(self, **{name: SUITED[name][channels > 1] for name in open_ones}) if open_ones else self
 

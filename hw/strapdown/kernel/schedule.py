@@ -79,8 +79,8 @@ class Schedule:
 
     @property
     def section_ends(self):
-        """Last cycle of each section: that of its last operation, but each later section has a cycle, too; for the last
-        section, the end of the schedule.
+        """Last cycle of each section: that of its last operation, or earlier if later sections would have no cycle of
+        their own; for the last section, the end of the schedule.
 
         Operations of a section may be issued earlier, together with those of the previous section.
         """

@@ -38,7 +38,7 @@ class Node:
     """
 
     operation: str
-    # Not in the representation: a value has as many paths to the inputs as the product of its operations' operands.
+    # Not in the representation, which would show a shared operand once for each path that leads to it.
     operands: tuple["Operand", ...] = field(default=(), repr=False)
     label: str = ""
     value: float = 0.0

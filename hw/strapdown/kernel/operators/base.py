@@ -64,7 +64,7 @@ _DEFINED_BY: dict[str, tuple[str, str]] = {}
 
 _OTHER_MEANINGS = {"input", "state", "constant", "apply", "call", "is_negative", "lift", "lift_value",
                    "negate", "pool", "section", "subtract"}
-"""What is no operation, in graphs and in the namespaces of kernels."""
+"""Names that mean something else in graphs and in the namespaces of kernels: no operation can have them."""
 
 
 def meaning(name):
