@@ -15,6 +15,7 @@ from .netlist import (
     joined,
     part_of,
     resized,
+    retargeted,
     slices,
     targets,
     values,
@@ -130,9 +131,8 @@ def _add_cell(circuit, cell, updates):
     elif kind in ("$dff", "$adff"):
         (register,), data = ports["Q"], ports["D"]
         # Statements that only compute the next value of a register become those of the register.
-        (first, *_) = data
-        if isinstance(first, Slice) and data == circuit.whole(first.wire) and first.wire in updates:
-            body = _retargeted(updates.pop(first.wire), register.wire)
+        if (update := circuit.wire_of(data)) in updates:
+            body = retargeted(updates.pop(update), {update: register.wire})
             if body[0] == Assign(register, (register,)):
                 body = body[1:]
         else:
@@ -142,13 +142,6 @@ def _add_cell(circuit, cell, updates):
                                                   (parameters["ARST_VALUE"],) if clear else ())
     else:
         _add_operation(circuit, cell)
-
-
-def _retargeted(body, wire):
-    return tuple(Assign(statement.target._replace(wire=wire), statement.value) if isinstance(statement, Assign)
-                 else Switch(statement.selector, tuple((patterns, _retargeted(inner, wire))
-                                                       for patterns, inner in statement.cases))
-                 for statement in body)
 
 
 def _add_operation(circuit, cell):

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from .rtlil import Assign, Bits, Slice, Switch
 
 __all__ = ["Choice", "Circuit", "CircuitError", "Instance", "Operation", "Read", "Register", "Write", "joined",
-           "mapped", "part_of", "resized", "slices", "targets", "values", "width_of"]
+           "mapped", "part_of", "resized", "retargeted", "slices", "targets", "values", "width_of"]
+
 
 class CircuitError(ValueError):
     """A component has a part that plain Verilog, as it is written here, cannot express."""
@@ -84,6 +85,8 @@ class Circuit:
         Wire to Operation, Choice, Register or Read; inputs and outputs of submodules have none.
     aliases : list
         Tuples of a name and the value that has it.
+    names : dict
+        Wire to the most informative of its names.
     """
 
     name: str
@@ -95,9 +98,17 @@ class Circuit:
     aliases: list = field(default_factory=list)
     writes: list = field(default_factory=list)
     instances: list = field(default_factory=list)
+    names: dict = field(default_factory=dict)
 
     def whole(self, wire):
+        """All bits of a wire, as a value."""
         return (Slice(wire, 0, self.widths[wire]),)
+
+    def wire_of(self, value):
+        """The wire whose ``whole`` a value is, or None."""
+        if len(value) == 1 and isinstance(value[0], Slice) and value == self.whole(value[0].wire):
+            return value[0].wire
+        return None
 
     def wire(self, width):
         """A new wire without a name."""
@@ -194,3 +205,12 @@ def targets(body):
         else:
             for _, inner in statement.cases:
                 yield from targets(inner)
+
+
+def retargeted(body, names):
+    """Statements that assign wires under other names; ``names`` maps a wire to its new name."""
+    return tuple(
+        Assign(statement.target._replace(wire=names.get(statement.target.wire, statement.target.wire)), statement.value)
+        if isinstance(statement, Assign) else
+        Switch(statement.selector, tuple((patterns, retargeted(inner, names)) for patterns, inner in statement.cases))
+        for statement in body)

@@ -5,7 +5,19 @@ from collections import Counter
 from collections.abc import Iterator
 
 from .fold import folded, narrow
-from .netlist import Choice, CircuitError, Operation, Register, joined, mapped, part_of, slices, values, width_of
+from .netlist import (
+    Choice,
+    CircuitError,
+    Operation,
+    Register,
+    joined,
+    mapped,
+    part_of,
+    retargeted,
+    slices,
+    values,
+    width_of,
+)
 from .rtlil import Assign, Bits, Slice
 from .statements import condition_of, conditions_of, reset_of, tidied
 
@@ -26,8 +38,7 @@ def simplify(circuit):
     _tidy_statements(circuit)
     _expand_choices(circuit)
     _merge_equal(circuit)
-    named = {part.wire for name, value in circuit.aliases for part in slices(value)
-             if not anonymous(name) and value == circuit.whole(part.wire)}
+    named = {wire for name, value in circuit.aliases if not anonymous(name) and (wire := circuit.wire_of(value))}
     narrow(circuit, order(circuit), named | {wire for wire in circuit.drivers if not anonymous(wire)})
     _merge_equal(circuit)
     _name_ports(circuit)
@@ -182,35 +193,26 @@ def _merge_equal(circuit):
 
 def _name_ports(circuit):
     """A wire that is shown on an output takes the name of this port."""
-    replacement: dict[str, tuple] = {}
+    names: dict[str, str] = {}
     outputs = [port for port, direction in circuit.ports.items() if direction == "output"]
     shown = {name: value for name, value in circuit.aliases if name in outputs}
     for port, value in shown.items():
-        source = value[0].wire if len(value) == 1 and isinstance(value[0], Slice) else None
-        if source is None or value != circuit.whole(source) or source in circuit.ports or source in replacement:
+        source = circuit.wire_of(value)
+        if source is None or source in circuit.ports or source in names:
             circuit.drivers[port] = Operation("value", (value,))
             continue
-        replacement[source] = circuit.whole(port)
+        names[source] = port
         circuit.attributes[port] = circuit.attributes[source]
-        for instance in circuit.instances:
-            instance.outputs = {name: port if wire == source else wire for name, wire in instance.outputs.items()}
+    for instance in circuit.instances:
+        instance.outputs = {port: names.get(wire, wire) for port, wire in instance.outputs.items()}
     circuit.drivers = {
-        replacement[wire][0].wire if wire in replacement else wire:
-        driver._replace(body=_renamed(driver.body, replacement)) if isinstance(driver, Register | Choice) else driver
+        names.get(wire, wire):
+        driver._replace(body=retargeted(driver.body, names)) if isinstance(driver, Register | Choice) else driver
         for wire, driver in circuit.drivers.items()}
+    replacement = {source: circuit.whole(port) for source, port in names.items()}
     circuit.aliases = [(name, value) for name, value in circuit.aliases if name not in shown]
     circuit.aliases += replacement.items()
     _map_all(circuit, lambda value: _replaced(value, replacement))
-
-
-def _renamed(body, replacement):
-    """Statements that assign wires under their new names."""
-    return tuple(
-        Assign(statement.target._replace(wire=replacement[statement.target.wire][0].wire), statement.value)
-        if isinstance(statement, Assign) and statement.target.wire in replacement else statement
-        if isinstance(statement, Assign) else
-        statement._replace(cases=tuple((patterns, _renamed(inner, replacement)) for patterns, inner in statement.cases))
-        for statement in body)
 
 
 def _telling(name):
@@ -226,22 +228,17 @@ def _use_aliases(circuit):
             best[value] = name
     circuit.names = {wire: wire for wire in circuit.widths}
     for value, name in list(best.items()):
-        (part, *others) = value
-        if not others and value == circuit.whole(part.wire):
+        if wire := circuit.wire_of(value):
             del best[value]
-            if part.wire not in circuit.ports and _telling(name) > _telling(part.wire):
-                circuit.names[part.wire] = name
+            if wire not in circuit.ports and _telling(name) > _telling(wire):
+                circuit.names[wire] = name
 
-    def named(value):
-        if value in best:
-            return circuit.whole(best[value])
+    def parts_named(value):
         return tuple(circuit.whole(best[(part,)])[0] if (part,) in best else part for part in value)
 
-    added = {}
-    for value, name in best.items():
-        inner = tuple(circuit.whole(best[(part,)])[0] if len(value) > 1 and (part,) in best else part for part in value)
-        added[name] = Operation("value", (inner,))
-    _map_all(circuit, named)
+    added = {name: Operation("value", (parts_named(value) if len(value) > 1 else value,))
+             for value, name in best.items()}
+    _map_all(circuit, lambda value: circuit.whole(best[value]) if value in best else parts_named(value))
     circuit.drivers |= {name: driver for name, driver in added.items() if name not in circuit.drivers}
 
 
@@ -294,10 +291,10 @@ def inlined(circuit):
         for part in slices(value):
             reads[part.wire] += 1
             whole[part.wire] += (part,) == circuit.whole(part.wire)
-        return value
 
     for driver in (*circuit.drivers.values(), *circuit.writes):
-        mapped(driver, count)
+        for value in values(driver):
+            count(value)
         for value in (getattr(driver, "clock", ()), getattr(driver, "clear", None) or ()):
             # An edge is that of a wire.
             reads.update(part.wire for part in slices(value))
@@ -322,6 +319,4 @@ def inlined(circuit):
 
 def _is_flag(circuit, value):
     """True if a value is a whole wire of one bit."""
-    (first, *others) = value
-    return isinstance(first, Slice) and not others and circuit.widths[first.wire] == 1 and \
-        value == circuit.whole(first.wire)
+    return circuit.wire_of(value) is not None and width_of(value) == 1
