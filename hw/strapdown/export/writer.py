@@ -84,7 +84,7 @@ class _Writer:
             if wire in names:
                 continue
             wanted = instances.get(wire) or circuit.names.get(wire, wire)
-            if isinstance(wanted, str) and anonymous(wanted):
+            if anonymous(wanted):
                 numbered += 1
                 wanted = f"n{numbered}"
             names[wire] = unused(re.sub("_+", "_", plain(wanted)), taken)
@@ -176,7 +176,7 @@ class _Writer:
             self.add(f"reg {width}{self.names[memory.name]} [0:{memory.depth - 1}];")
             self.add("initial begin")
             for row, value in enumerate(memory.rows):
-                self.add(f"{self.names[memory.name]}[{row}] = {constant(f'{value:0{memory.width}b}')};", 2)
+                self.add(f"{self.names[memory.name]}[{row}] = {_number(value, memory.width)};", 2)
             self.add("end")
 
     def _registers(self):
@@ -241,16 +241,11 @@ class _Writer:
                 event += f" or posedge {self.expressions.value(clear)}"
                 cleared = tuple(Assign(self.circuit.whole(wire)[0], driver.clear_value) for wire, driver, *_ in members)
                 body = (Switch(clear, ((("1",), cleared), ((), body))),)
-            self._always(f"always @({event})", body, "<=")
-
-    def _always(self, head, body, operator):
-        if len(body) == 1:
-            self.add(head)
-            self._statements(body, operator, 2)
-        else:
-            self.add(f"{head} begin")
-            self._statements(body, operator, 2)
-            self.add("end")
+            several = len(body) != 1
+            self.add(f"always @({event})" + " begin" * several)
+            self._statements(body, "<=", 2)
+            if several:
+                self.add("end")
 
     def _memory_ports(self):
         for wire, driver in self.circuit.drivers.items():
@@ -279,20 +274,19 @@ class _Writer:
     def _rows(self, wire, memory, address, operator, depth):
         """The contents of a ROM as a ``case``."""
         memory = self.circuit.memories[memory]
-        bits = sum(part.width for part in address)
+        bits = width_of(address)
         if len(memory.rows) == 1:
-            self.add(f"{self.names[wire]} {operator} {constant(f'{memory.rows[0]:0{memory.width}b}')};", depth)
+            self.add(f"{self.names[wire]} {operator} {_number(memory.rows[0], memory.width)};", depth)
             return
         self._attributes(memory.attributes, depth, styles=("rom_style",))
         self.add(f"case ({self.expressions.value(address)})", depth)
         comments = self.comments.get(memory.name, {})
         for row, value in enumerate(memory.rows[:1 << bits]):
-            self.add(f"{constant(f'{row:0{bits}b}')}: {self.names[wire]} {operator} "
-                     f"{constant(f'{value:0{memory.width}b}')};", depth + 1)
+            self.add(f"{_number(row, bits)}: {self.names[wire]} {operator} {_number(value, memory.width)};", depth + 1)
             if row in comments:
                 self._beside(comments[row])
         if len(memory.rows) < 1 << bits:
-            self.add(f"default: {self.names[wire]} {operator} {constant('0' * memory.width)};", depth + 1)
+            self.add(f"default: {self.names[wire]} {operator} {_number(0, memory.width)};", depth + 1)
         self.add("endcase", depth)
 
     def _instances(self):
@@ -375,6 +369,10 @@ def _listed(names):
     if len(names) > MOST_LISTED:
         names = [*names[:MOST_LISTED - 1], f"{len(names) - MOST_LISTED + 1} other registers"]
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _number(value, width):
+    return constant(f"{value:0{width}b}")
 
 
 def _runs(enable):
