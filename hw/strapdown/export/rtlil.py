@@ -77,7 +77,6 @@ class Cell:
 
     kind: str
     name: str
-    attributes: dict
     parameters: dict = field(default_factory=dict)
     ports: dict = field(default_factory=dict)
     outputs: set = field(default_factory=set)
@@ -118,7 +117,7 @@ def parse(text):
             _, width, _, depth, name = rest.split()
             modules[-1].memories[_plain(name)] = Memory(_plain(name), int(width), int(depth), attributes)
         elif word == "cell":
-            modules[-1].cells.append(_cell(rest.split(), attributes, lines, modules[-1].wires))
+            modules[-1].cells.append(_cell(rest.split(), lines, modules[-1].wires))
         elif word == "process":
             modules[-1].processes.append(_statements(lines, modules[-1].wires)[0])
         elif word == "connect":
@@ -140,9 +139,9 @@ def _wire(words, attributes):
     return Wire(_plain(words[-1]), width, port, attributes)
 
 
-def _cell(words, attributes, lines, wires):
+def _cell(words, lines, wires):
     kind, name = words
-    cell = Cell(_plain(kind), _plain(name), attributes)
+    cell = Cell(_plain(kind), _plain(name))
     for line in lines:
         word, _, rest = line.partition(" ")
         if word == "end":
