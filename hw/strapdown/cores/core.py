@@ -25,12 +25,12 @@ class Core(Top):
     hidden : tuple of str
         Ports of the engine that are not ports of the core.
     **parameters
-        What else the engine takes.
+        Further parameters of the engine.
 
     Members
     -------
     clk, rst_n : In(1)
-        Clock, rising edge; reset, active low, as of ``Top``.
+        Clock, rising edge; reset, active low, as in ``Top``.
     All others are the engine's, without ``hidden``.
 
     Latency: ``latency`` clock cycles, the same in every update.

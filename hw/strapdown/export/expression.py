@@ -1,7 +1,7 @@
 """Values and operations of a netlist as Verilog expressions.
 
-The text of a value or operation has the width of its result when it stands alone, and operands are extended in words.
-So it means the same in every place whose other operands have the same width, whatever Verilog does to others.
+The text of a value or operation has the width of its result. No operand is left for Verilog to extend: the text itself
+adds the missing bits. So it means the same wherever the other operands have the same width.
 """
 
 from itertools import pairwise

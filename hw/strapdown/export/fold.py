@@ -1,4 +1,4 @@
-"""Operations that are simpler than they are written: those with constants, and those of which no one reads all bits."""
+"""Simpler forms of operations: of those with constants, and of those whose highest bits nothing reads."""
 
 from collections import defaultdict
 

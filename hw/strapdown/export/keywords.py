@@ -1,4 +1,4 @@
-"""Words that are no names in Verilog or in SystemVerilog, because many tools read .v files as either."""
+"""Words that cannot be names in Verilog or in SystemVerilog: many tools read .v files as SystemVerilog."""
 
 __all__ = ["KEYWORDS"]
 

@@ -1,4 +1,4 @@
-"""Statements of registers and choices: in fewer words, and those of several registers together."""
+"""Statements of registers and choices: made shorter, and those of several registers merged."""
 
 from .netlist import part_of, width_of
 from .rtlil import Assign, Bits, Switch
