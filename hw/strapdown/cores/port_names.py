@@ -22,8 +22,8 @@ class PortNames:
 
     Attributes
     ----------
-    name, source : str
-        Name on a command line, and where the names come from.
+    name : str
+        Name on a command line.
     modules : tuple of str or None
         The modules that exist there; None: all modules keep their names.
     reset : str
@@ -38,7 +38,6 @@ class PortNames:
     """
 
     name: str
-    source: str
     modules: tuple[str, ...] | None = None
     reset: str = ""
     status: bool = True
@@ -72,11 +71,11 @@ class PortNames:
                      for name, (meaning, value) in self.constants.get(module, {}).items())
 
 
-TEXT_PORTS = PortNames("text", "the text of the 2015 thesis, and additional ports")
-"""The names that the cores have."""
+TEXT_PORTS = PortNames("text")
+"""The names that the cores have: those in the text of the 2015 thesis, and those of additional ports."""
 
 THESIS_RTL_PORTS = PortNames(
-    "thesis-rtl", "the RTL of the 2015 thesis", modules=tuple(ATTITUDE_CORES), reset="rst", status=False,
+    "thesis-rtl", modules=tuple(ATTITUDE_CORES), reset="rst", status=False,
     renamed={
         "INS_top": {f"out_c{element}": f"c_c{element}" for element in ELEMENTS},
         "INS_atan": {"in_atan_en": "en", "in_a": "a", "in_b": "b", "out_result": "result",
@@ -87,7 +86,7 @@ THESIS_RTL_PORTS = PortNames(
                             lambda config: config.ki * config.period_s)},
         "INS_quat": {"PERIOD": ("sample period, s: the field sample_rate_hz", lambda config: config.period_s),
                      "HPERIOD": ("half the sample period, s", lambda config: config.period_s / 2)}})
-"""The names in the RTL that was published with the thesis."""
+"""The names in the RTL that was published with the 2015 thesis."""
 
 PORT_NAMES = {names.name: names for names in (TEXT_PORTS, THESIS_RTL_PORTS)}
 """All port names, by name."""
