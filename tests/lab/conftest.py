@@ -1,4 +1,4 @@
-"""Fixtures of the tests of synthesis: the folder of cached results, and the tools or a reason to skip."""
+"""Fixtures of the tests with synthesis: the folder of cached results, and the tools or a reason to skip."""
 
 import pytest
 
