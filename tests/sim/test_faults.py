@@ -91,7 +91,7 @@ endmodule
 
 @pytest.fixture(scope="module")
 def broken(make_core, models, tmp_path_factory):
-    """The hand-made core, with a function that gives the verdict of a flipped bit."""
+    """The model of the hand-made core."""
     core = make_core(main_module(QUATERNION_J3), QUATERNION_J3)
     file = tmp_path_factory.mktemp("faults") / "QUAT_direct.v"
     file.write_text(MODULE.replace("LATENCY", str(core.latency)), encoding="utf-8")

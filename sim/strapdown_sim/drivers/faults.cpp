@@ -77,7 +77,7 @@ static std::vector<uint64_t> samples;
 static std::vector<Round> golden;
 static std::vector<Fault> faults;
 static uint64_t latency, gap, second, horizon;
-// The round, the edges since it began, the update in flight of each channel, and the next fault.
+// The round, the clock edges since it began, the next fault, and whether this process has flipped a bit.
 static uint64_t now, offset;
 static size_t next_fault;
 static bool child;
