@@ -139,7 +139,7 @@ def asynchronous_paths(verilog: str, top: str, cache: Cache) -> tuple[tuple[str,
         As of ``synthesise_xc7``.
 
     Returns: pairs of the kind of a register and the pin that it reaches, through LUTs, carry chains and the read
-    ports of distributed RAM, each pair once. Raises: ToolMissingError; RuntimeError if Yosys fails.
+    ports of distributed RAM, each pair once. Raises: ToolMissingError; ToolError if Yosys fails.
     """
     with gzip.open(Path(_synthesis(verilog, top, cache), f"{_MAPPED}.gz"), "rb") as packed:
         cells = json.load(packed)["modules"][top]["cells"].values()
