@@ -4,7 +4,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from strapdown.config import Config
 from strapdown.cores import Core, main_module, make_core
 from strapdown.export import write_core
 from strapdown_lab.report.measure import without_comments
+from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import digest
 from strapdown_sim.drivers.faults import HORIZON, Fault, FaultModel, Outcome, Verdict
 from strapdown_sim.drivers.storage import Storage
@@ -105,17 +106,12 @@ class Campaign:
             return model.verdicts([faults[number] for number in numbers], samples.ports, second, progress=more)
 
         batches = [missing[first:first + BATCH] for first in range(0, len(missing), BATCH)]
-        # The models are processes of their own; these threads only wait for them.
-        with ThreadPoolExecutor(max_workers=jobs) as pool:
+        with waiting_threads(jobs) as pool:
             running = {pool.submit(verdicts_of, numbers): numbers for numbers in batches}
-            try:
-                for done in as_completed(running):
-                    found = dict(zip(running[done], done.result(), strict=True))
-                    _keep(file, found)
-                    verdicts |= found
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+            for done in as_completed(running):
+                found = dict(zip(running[done], done.result(), strict=True))
+                _keep(file, found)
+                verdicts |= found
         ordered = [verdicts[number] for number in range(self.count)]
         return {"config": config.name, "module": core.system.name, "verilog_sha256": circuit,
                 "samples": samples.source, "seed": self.seed, **figures(model.places, faults, ordered)}

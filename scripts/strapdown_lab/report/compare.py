@@ -2,12 +2,11 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 import tarfile
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -17,9 +16,11 @@ from typing import Any
 from strapdown_lab.checkout import ROOT
 from strapdown_lab.markdown import markdown_table
 from strapdown_lab.synthesis import place_ecp5, synthesise_xc7
+from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache
 
 from .cores import CoreEntry
+from .measure import without_comments
 
 __all__ = ["LIMITS", "Circuit", "CommitError", "compare", "comparison_table", "earlier_circuits", "present_circuits"]
 
@@ -79,9 +80,8 @@ def _generated(entries, folder, environment, commit=None):
             raise CommitError(f"{commit or 'the checkout'} does not generate {module} of {name}: {last}")
         text = (folder / name / f"{module}.v").read_text(encoding="utf-8")
         facts = json.loads((folder / name / f"{module}.json").read_text(encoding="utf-8"))
-        # Comments do not change the resources.
         circuits.append(Circuit(name, module, facts.get("interval_cycles", facts["latency_cycles"]),
-                                re.sub(r"^\s*//.*\n", "", text, flags=re.MULTILINE)))
+                                without_comments(text)))
     return circuits
 
 
@@ -107,7 +107,7 @@ def compare(before: list[Circuit], after: list[Circuit], placed: Iterable[str], 
         configuration): ``cycles``, ``lut``, ``ff``, ``dsp``, ``bram``, and ``mhz`` with ``mhz_of_seeds`` if placed.
     """
     earlier, placed = {circuit.config: circuit for circuit in before}, set(placed)
-    with ThreadPoolExecutor(max_workers=2) as pool:
+    with waiting_threads(2) as pool:
         def measured(circuit):
             if circuit is None:
                 return lambda: None
@@ -118,13 +118,9 @@ def compare(before: list[Circuit], after: list[Circuit], placed: Iterable[str], 
                 flow.add_done_callback(lambda _: progress())
             return lambda: _figures(circuit, **{name: flow.result() for name, flow in flows.items()})
 
-        try:
-            rows = [(circuit, measured(earlier.get(circuit.config)), measured(circuit)) for circuit in after]
-            return [{"config": circuit.config, "module": circuit.module, "before": old(), "after": new()}
-                    for circuit, old, new in rows]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        rows = [(circuit, measured(earlier.get(circuit.config)), measured(circuit)) for circuit in after]
+        return [{"config": circuit.config, "module": circuit.module, "before": old(), "after": new()}
+                for circuit, old, new in rows]
 
 
 def _figures(circuit, xc7, ecp5=None):

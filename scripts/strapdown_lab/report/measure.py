@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from strapdown_lab.synthesis import (
     synthesise_xc7,
     tool_versions,
 )
+from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest
 
 from .cores import CoreEntry, simulated_cycles
@@ -117,21 +117,16 @@ def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True,
     progress : callable or None
         Called without arguments when a tool has finished, once or twice for each design.
     """
-    # The tools run in separate processes; these threads only wait for them.
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        try:
-            running = []
-            for design in designs:
-                flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place and design.placed else {})}
-                answers = {name: pool.submit(flow, design, cache) for name, flow in flows.items()}
-                for answer in answers.values():
-                    answer.add_done_callback(lambda _: progress and progress())
-                running.append((design, answers))
-            rows = [{**design.facts, **{name: answer.result() for name, answer in answers.items()}}
-                    for design, answers in running]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    with waiting_threads(2) as pool:
+        running = []
+        for design in designs:
+            flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place and design.placed else {})}
+            answers = {name: pool.submit(flow, design, cache) for name, flow in flows.items()}
+            for answer in answers.values():
+                answer.add_done_callback(lambda _: progress and progress())
+            running.append((design, answers))
+        rows = [{**design.facts, **{name: answer.result() for name, answer in answers.items()}}
+                for design, answers in running]
     # The netlist is a result of the synthesis, so this runs no tool.
     for row, (design, _) in zip(rows, running, strict=True):
         if design.walked:
