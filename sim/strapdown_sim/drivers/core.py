@@ -11,7 +11,25 @@ from strapdown.kernel.refusals import Refusals
 
 from .verilated import Interface, VerilatedModel
 
-__all__ = ["CoreModel"]
+__all__ = ["CoreModel", "state_bits"]
+
+
+def state_bits(fmt, state, answer):
+    """Encodings of state words: those of the bank in use, or the reset values if the state is fresh.
+
+    Parameters
+    ----------
+    fmt : FloatFormat
+    state : dict
+        State word to its reset value.
+    answer : dict
+        The probes ``bank``, ``fresh``, and ``WORD.0`` and ``WORD.1`` of each word, shape (N,).
+
+    Returns: dict of arrays, shape (N,), in the order of ``state``.
+    """
+    return {word: np.where(answer["fresh"] == 1, fmt.encode(reset),
+                           np.where(answer["bank"] == 1, answer[f"{word}.1"], answer[f"{word}.0"]))
+            for word, reset in state.items()}
 
 
 class CoreModel:
@@ -37,10 +55,7 @@ class CoreModel:
                   for index, word in enumerate(self._state) for bank in (0, 1)}
         if probes:
             probes |= {name: (f"{system.name}_engine", name, engine + name) for name in ("bank", "fresh")}
-        outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
-        self._model = VerilatedModel(verilog, Interface(
-            system.name, system.input_ports, outputs, start=system.start, finish=system.finish,
-            enable=core.control.enable.name if core.control.enable else "", probes=probes), build)
+        self._model = VerilatedModel(verilog, Interface.of_core(core, probes=probes), build)
 
     def update(self, inputs: Mapping[str, ArrayLike], *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
@@ -67,11 +82,8 @@ class CoreModel:
         result["cycles"] = answer["cycles"].astype(int)
         if system.status_port:
             result[system.status_port] = answer[system.status_port].astype(int)
-        for word, reset in self._state.items():
-            stored = np.where(answer["bank"] == 1, answer[f"{word}.1"], answer[f"{word}.0"])
-            stored = np.where(answer["fresh"] == 1, fmt.encode(reset), stored)
-            result[word] = fmt.from_bits(stored.astype(fmt.bits_dtype))
-        return result
+        stored = state_bits(fmt, self._state, answer)
+        return result | {word: fmt.from_bits(bits.astype(fmt.bits_dtype)) for word, bits in stored.items()}
 
     def differing_bits(self, inputs: Mapping[str, ArrayLike], result: Mapping[str, np.ndarray]) -> int:
         """Number of bits of ``result``, as returned by ``update``, that differ from the software twin.

@@ -167,25 +167,23 @@ class FaultModel(VerilatedModel):
     def __init__(self, core: Core, verilog: str | os.PathLike, build: str | os.PathLike) -> None:
         self.core = core
         system, engine = core.system, core.engine
-        fmt, several = engine.program.format, engine.channels > 1
+        fmt = engine.program.format
         if fmt.width not in (32, 64):
             raise ValueError(f"{system.name}: faults are judged in binary32 and binary64, not {fmt.name}")
-        outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
-        measures = tuple((kind, tuple(outputs.index(port) for name in names for port in leaves(system.outputs[name])))
+        index = system.output_ports.index
+        measures = tuple((kind, tuple(index(port) for name in names for port in leaves(system.outputs[name])))
                          for kind, names in MEASURES if all(name in system.outputs for name in names))
         if not measures:
             raise ValueError(f"{system.name} has neither attitude nor position, by which faults are judged")
         masks = {name: 1 << bit for bit, name in enumerate(engine.status_names)}
         text = exposed(Path(verilog).read_text(encoding="utf-8"))
         self.places = storage(text, system.name)
-        widths = {port: system.input_width(port, fmt) for port in system.input_ports}
-        if several:
-            widths["in_channel"] = exact_log2(engine.channels)
-        interface = FaultInterface(
-            system.name, tuple(widths), outputs, input_widths=tuple(widths.values()),
-            start=system.start, finish=system.finish, ready="in_ready" if several else None,
-            enable=core.control.enable.name if core.control.enable else "", places=self.places, measures=measures,
-            channels=engine.channels, width=fmt.width, status=len(outputs) - 1 if system.status_port else None,
+        widths = [system.input_width(port, fmt) for port in system.input_ports]
+        if engine.channels > 1:
+            widths.append(exact_log2(engine.channels))
+        interface = FaultInterface.of_core(
+            core, input_widths=tuple(widths), places=self.places, measures=measures, channels=engine.channels,
+            width=fmt.width, status=len(system.output_ports) if system.status_port else None,
             refused=masks.get("refused", 0), restarted=masks.get("restarted", 0))
         with TemporaryDirectory() as folder:
             file = Path(folder) / f"{system.name}.v"

@@ -43,11 +43,8 @@ class StreamModel:
         probes |= {word: (f"{system.name}_engine", "main_memory",
                           f"{engine}main_memory[{address} + 2 * dut->out_channel + {bank}]")
                    for word, address in program.state.items()}
-        self._model = VerilatedModel(verilog, Interface(
-            system.name, (*system.input_ports, "in_channel"),
-            (*system.output_ports, "out_channel", *([system.status_port] if system.status_port else [])),
-            start=system.start, finish=system.finish, ready="in_ready",
-            enable=core.control.enable.name if core.control.enable else "", probes=probes), build)
+        outputs = (*system.output_ports, "out_channel", *([system.status_port] if system.status_port else []))
+        self._model = VerilatedModel(verilog, Interface.of_core(core, outputs=outputs, probes=probes), build)
 
     def update(self, channels: ArrayLike, inputs: Mapping[str, ArrayLike], idle: ArrayLike = 0, *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from strapdown.cores import Core
 
 from . import storage
+from .core import state_bits
 from .verilated import Interface, VerilatedModel
 
 __all__ = ["ALL", "BIT", "POWER_UP", "REGISTER", "UpsetModel"]
@@ -85,15 +86,12 @@ class UpsetModel(VerilatedModel):
         for word, address in program.state.items():
             probes |= {f"{word}.{bank}": variable(memory, f"[{address} + 2 * {channel} + {bank}]") for bank in (0, 1)}
         text = Path(verilog).read_text(encoding="utf-8")
-        outputs = (*system.output_ports, *([system.status_port] if system.status_port else []))
         registers, memories = ({(place.module, place.variable, place.path): place.width
                                 for place in storage.storage(text, system.name) if place.kind == kind}
                                for kind in (storage.REGISTER, storage.MEMORY))
         self.registers = tuple(f"{module}.{name}" for module, name, _ in registers)
-        super().__init__(verilog, UpsetInterface(
-            system.name, (*system.input_ports, *(["in_channel"] if several else [])), outputs, start=system.start,
-            finish=system.finish, ready="in_ready" if several else None, probes=probes,
-            registers=registers, memories=memories), build)
+        super().__init__(verilog, UpsetInterface.of_core(
+            core, probes=probes, registers=registers, memories=memories), build)
 
     def next_updates(self, seeds: ArrayLike, cycles: ArrayLike, kinds: ArrayLike, samples: Mapping[str, np.ndarray],
                      register: str | None = None, *, load: bool = False) -> dict[str, np.ndarray]:
@@ -130,10 +128,7 @@ class UpsetModel(VerilatedModel):
         names = (*self.interface.probes, *outputs, "waited", "cycles", *(f"after.{port}" for port in outputs))
         limit = 2 * self.core.latency
         answer = self._answer([str(limit), str(limit)], np.column_stack([header, *columns]), names)
-        result = {name: values.astype(int) for name, values in answer.items()}
-        for word, value in self.core.engine.program.schedule.graph.state.items():
-            stored = np.where(answer["bank"] == 1, answer[f"{word}.1"], answer[f"{word}.0"])
-            result[word] = np.where(answer["fresh"] == 1, fmt.encode(value), stored)
-        numbers = (*system.output_ports, *(f"after.{port}" for port in system.output_ports),
-                   *self.core.engine.program.schedule.graph.state)
+        stored = state_bits(fmt, self.core.engine.program.schedule.graph.state, answer)
+        result = {name: values.astype(int) for name, values in answer.items()} | stored
+        numbers = (*system.output_ports, *(f"after.{port}" for port in system.output_ports), *stored)
         return result | {name: fmt.from_bits(result[name].astype(fmt.bits_dtype)) for name in numbers}

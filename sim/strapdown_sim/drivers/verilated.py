@@ -57,6 +57,16 @@ class Interface:
     enable: str = ""
     probes: dict[str, tuple[str, str, str]] = field(default_factory=dict)
 
+    @classmethod
+    def of_core(cls, core, **fields):
+        """The interface of a ``strapdown.cores.Core``; ``fields`` are added to its ports, or replace them."""
+        system, several, enable = core.system, core.engine.channels > 1, core.control.enable
+        ports = {"top": system.name, "inputs": (*system.input_ports, *(["in_channel"] if several else [])),
+                 "outputs": (*system.output_ports, *([system.status_port] if system.status_port else [])),
+                 "start": system.start, "finish": system.finish, "ready": "in_ready" if several else None,
+                 "enable": enable.name if enable else ""}
+        return cls(**(ports | fields))
+
     def access(self):
         """Verilator's configuration that keeps the inner signals, and lets the driver see them."""
         return "".join(sorted({f'public_flat_rd -module "{module}" -var "{variable}"\n'
