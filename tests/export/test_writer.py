@@ -319,6 +319,13 @@ def test_a_vendors_primitive_keeps_its_parameters():
     assert re.search(r"""BUF #\(\.WIDTH\(8\), \.MODE\("fast"\)\) buffer \(\s+\.I\(a\),\s+\.O\(y\)\s+\);""", text)
 
 
+def test_a_parameter_keeps_its_kind():
+    def make(m, a, y):
+        m.submodules.buffer = Instance("BUF", p_REAL=1.5, p_LEAST=-3, p_FOUR=Const(-2, 4), p_NAME="1.5", i_I=a, o_O=y)
+    assert re.search(r"""BUF #\(\.REAL\(1\.5\), \.LEAST\(32'shfffffffd\), \.FOUR\(4'she\), \.NAME\("1\.5"\)\) buffer""",
+                     verilog(make))
+
+
 def test_a_rom_is_a_case_with_the_style_at_both_places():
     def make(m, a, y):
         m.submodules.rom = rom = Memory(shape=8, depth=3, init=[1, 2, 250], attrs={"rom_style": "block"})

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-__all__ = ["Assign", "Bits", "Cell", "Memory", "Module", "Slice", "Switch", "Wire", "parse"]
+__all__ = ["Assign", "Bits", "Cell", "Memory", "Module", "SignedBits", "Slice", "Switch", "Wire", "parse"]
 
 
 class Slice(NamedTuple):
@@ -26,6 +26,12 @@ class Bits(NamedTuple):
     @property
     def width(self):
         return len(self.digits)
+
+
+class SignedBits(NamedTuple):
+    """A signed parameter: its bits in two's complement, as those of Bits."""
+
+    digits: str
 
 
 class Assign(NamedTuple):
@@ -140,20 +146,24 @@ def _wire(words, attributes):
 
 
 def _cell(words, lines, wires):
-    kind, name = words
-    cell = Cell(_plain(kind), _plain(name))
+    cell = Cell(*map(_plain, words))
     for line in lines:
         word, _, rest = line.partition(" ")
         if word == "end":
             return cell
-        *_, name, value = rest.split(" ", 2 if rest.startswith(("signed ", "real ")) else 1)
+        *kind, name, value = rest.split(" ", 2 if rest.startswith(("signed ", "real ")) else 1)
         if word == "parameter":
-            cell.parameters[_plain(name)] = _constant(value)
+            constant = _constant(value)
+            if kind == ["real"]:
+                constant = float(constant)
+            elif kind == ["signed"]:
+                constant = SignedBits(constant.digits)
+            cell.parameters[_plain(name)] = constant
         else:
             cell.ports[_plain(name)] = _value(value, wires)
             if re.fullmatch(r"[\\$]\S+", value):
                 cell.outputs.add(_plain(name))
-    raise ValueError(f"Cell without end: {name}")
+    raise ValueError(f"Cell without end: {cell.name}")
 
 
 def _statements(lines, wires):

@@ -8,7 +8,7 @@ from textwrap import wrap
 from .expression import Expressions, constant, pattern
 from .keywords import KEYWORDS
 from .netlist import Choice, Operation, Read, Register, part_of, width_of
-from .rtlil import Assign, Bits, Switch
+from .rtlil import Assign, Bits, SignedBits, Switch
 from .simplify import anonymous, inlined, order
 from .statements import conditions_of, merged, reset_of, switch_key
 
@@ -386,4 +386,6 @@ def _runs(enable):
 
 
 def _parameter(value):
+    if isinstance(value, SignedBits):
+        return constant(value.digits).replace("'", "'s")
     return constant(value.digits) if isinstance(value, Bits) else f'"{value}"' if isinstance(value, str) else value
