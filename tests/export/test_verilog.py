@@ -185,12 +185,12 @@ endmodule
 """, encoding="utf-8")
     run_tool(["iverilog", "-g2001", "-s", "bench", "-o", tmp_path / "bench.vvp", tmp_path / "bench.v"])
     rows = [line.split() for line in run_tool(["vvp", "-n", tmp_path / "bench.vvp"]).splitlines() if line[0].isdigit()]
-    seen = [(int(counter), int(word, 16), int(fetched, 16)) for counter, word, fetched in rows]
+    seen = [(int(cycle), int(word, 16), int(next_word, 16)) for cycle, word, next_word in rows]
     # After the last line the ROM gives zeros.
     lines = [*(program.layout.const(word).as_bits() for word in program.words), 0]
     assert len(seen) > program.length / 2
-    assert [(word, fetched) for _, word, fetched in seen] == [
-        (lines[counter - 2], lines[counter - 1]) for counter, _, _ in seen]
+    assert [(word, next_word) for _, word, next_word in seen] == [
+        (lines[cycle - 2], lines[cycle - 1]) for cycle, _, _ in seen]
 
 
 def test_configuration_is_in_the_file(folder, make_core):

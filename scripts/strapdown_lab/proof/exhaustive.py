@@ -6,7 +6,7 @@ import math
 import os
 import subprocess
 import threading
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from fractions import Fraction
 from importlib.resources import files
 from typing import Any
@@ -20,6 +20,7 @@ from strapdown.export.backend import to_verilog
 from strapdown.files import written_whole
 from strapdown_lab.markdown import markdown_table
 from strapdown_lab.operators import OPERATORS
+from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import digest
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
 
@@ -165,16 +166,10 @@ def check(names, part, jobs, root):
             run = Run(name, root / "build" / "exhaustive")
             shards = run.remaining(part)
             task = progress.add_task(f"{name}, shards", total=len(shards))
-            with ThreadPoolExecutor(jobs) as pool:
-                # Futures that have not started are cancelled, so that an interruption takes effect quickly.
-                futures = [pool.submit(run.do, shard) for shard in shards]
-                try:
-                    for future in as_completed(futures):
-                        future.result()
-                        progress.advance(task)
-                except BaseException:
-                    pool.shutdown(cancel_futures=True)
-                    raise
+            with waiting_threads(jobs) as pool:
+                for future in as_completed([pool.submit(run.do, shard) for shard in shards]):
+                    future.result()
+                    progress.advance(task)
             if run.complete:
                 _record(run, root)
             runs.append(run)
