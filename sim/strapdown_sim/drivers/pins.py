@@ -1,0 +1,341 @@
+"""Modules with models of line sensors and ADCs at their pins, in Verilator: light goes in at the sensors."""
+
+import os
+import struct
+import subprocess
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from amaranth.lib.wiring import In
+
+from strapdown.kernel.description import Port
+
+from ..instrument.pins import ADCS, SENSORS
+from .verilated import Interface, VerilatedModel
+
+__all__ = ["Line", "PinDriver", "PinRun", "Violation", "bench_text"]
+
+SIDES = "r", "p"
+"""Roll and pitch, as in port names."""
+
+FAULTS = {"lost_clock": 1, "stuck": 2, "stuck_word": 12}
+"""Inputs of the bench that put faults between the pins, and their bits. ``lost_clock``: the sensor clock stays low.
+``stuck``: the data pins of the ADC of roll (bit 0) or pitch (bit 1) are ``stuck_word``, or its lowest bit."""
+
+TIMESCALE = "`timescale 1ps / 1ps\n"
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Rules of a data sheet that were broken.
+
+    Attributes
+    ----------
+    cycle : int
+        Clock cycle.
+    model : str
+        Sensor or ADC, with its side.
+    rules : tuple of str
+        All rules that this model has found broken until then.
+    count : int
+        Violations in this cycle.
+    """
+
+    cycle: int
+    model: str
+    rules: tuple[str, ...]
+    count: int
+
+
+@dataclass
+class Line:
+    """A line of one sensor.
+
+    Attributes
+    ----------
+    cycle : int
+        Clock cycle in which its exposure ended.
+    opened_s, closed_s : float
+        Start and end of the exposure, in seconds since the run began. The start is zero if nothing marked it.
+    image : ndarray of uint16, shape (pixels,)
+        The light, in counts.
+    slots : ndarray of int, shape (N,)
+        Slots of the register that the ADC has sampled.
+    words : ndarray of uint16, shape (N,)
+        The ADC's words of these samples.
+    """
+
+    cycle: int
+    opened_s: float
+    closed_s: float
+    image: np.ndarray
+    slots: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    words: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint16))
+
+    @property
+    def exposure_s(self):
+        """Length of the exposure in seconds."""
+        return self.closed_s - self.opened_s
+
+
+@dataclass
+class PinRun:
+    """What happened in a run.
+
+    Attributes
+    ----------
+    lines : tuple of list of Line
+        Lines of the roll and of the pitch sensor.
+    events : dict
+        Each output to its values at the events, shape (N,) of uint64; and ``cycle``.
+    bytes : bytes
+        What the serial line has sent.
+    byte_cycles : ndarray of int
+        Cycle of the middle of each stop bit.
+    middles : ndarray of int
+        Cycles in which the strobe ``out_middle`` rose.
+    violations : list of Violation
+    """
+
+    lines: tuple[list[Line], list[Line]]
+    events: dict[str, np.ndarray]
+    bytes: bytes
+    byte_cycles: np.ndarray
+    middles: np.ndarray
+    violations: list[Violation]
+
+
+@dataclass(frozen=True)
+class PinInterface(Interface):
+    """Ports of a bench.
+
+    Parameters
+    ----------
+    sensor : PinModel
+        Model of the line sensors.
+    pixels : int
+        Pixels of a line.
+    event : str or None
+        Output whose high level, or whose rise if ``event_rises``, is an event.
+    middle, uart : str or None
+        Outputs: strobe in the middle of an exposure; serial line, with ``divisor`` cycles a bit.
+    period_ps : int
+        Clock period.
+    """
+
+    sensor: str = ""
+    pixels: int = 0
+    event: str | None = None
+    event_rises: bool = True
+    middle: str | None = None
+    uart: str | None = None
+    divisor: int = 0
+    period_ps: int = 10_000
+
+    def access(self):
+        return f'public_flat_rd -module "{self.sensor}" -var "image"\n'
+
+    def header(self):
+        lines = [f"#define IMAGE_{side.upper()} {self.top}__DOT__ccd_{side}__DOT__image" for side in SIDES]
+        lines += [f"#define PIXELS {self.pixels}", f"#define PERIOD_PS {self.period_ps}",
+                  f"#define EVENT_RISES {int(self.event_rises)}"]
+        lines += [f"#define {macro} {port}" for macro, port in (
+            ("EVENT_PORT", self.event), ("MIDDLE_PORT", self.middle), ("UART_PORT", self.uart)) if port]
+        if self.uart:
+            lines.append(f"#define UART_DIVISOR {self.divisor}")
+        return super().header() + "\n".join(lines) + "\n"
+
+
+def bench_text(name: str, modules: dict[str, Sequence[Port]], sensor: str, adc: str, *, lines: int = 1,
+               adc_latency: int = 1) -> tuple[str, list[str], list[str]]:
+    """Verilog of a bench: modules, two sensors and two ADCs.
+
+    Pins of sensors and ADCs connect to the models. An input ``in_x`` of one module connects to the output ``out_x`` of
+    another. All other ports are ports of the bench.
+
+    Parameters
+    ----------
+    name : str
+        Name of the bench.
+    modules : dict
+        Maps modules to their ports.
+    sensor, adc : str
+        Names in SENSORS and ADCS.
+    lines : int
+        Lines in the memory of a sensor.
+    adc_latency : int
+        Of a parallel ADC.
+
+    Returns
+    -------
+    text : str
+        Text of the bench, without the modules.
+    inputs, outputs : list of str
+        Its ports, without the clock.
+    """
+    ports = {port.name: port for own in modules.values() for port in own}
+    made = {port.name for port in ports.values() if port.member.flow != In}
+    inside = {port: f"out_{port[3:]}" for port in ports if port.startswith("in_") and f"out_{port[3:]}" in made}
+    pins = {port: ports[port] for port in ports if port.startswith(("ccd_", "adc_"))}
+    inputs = {port: spec.width for port, spec in ports.items()
+              if spec.member.flow == In and port not in {*inside, *pins, "clk"}}
+    inputs |= FAULTS
+    outputs = {port: spec.width for port, spec in ports.items() if port in made and port not in pins}
+    watched = {"transfers": 32, "opened": 64, "closed": 64, "slot": 16, "ccd_violated": 16, "ccd_violations": 32,
+               "word": 12, "samples": 32, "adc_violated": 16, "adc_violations": 32}
+
+    def declared(kind, width, port):
+        return f"{kind} {f'[{width - 1}:0] ' if width > 1 else ''}{port}"
+
+    listed = ["input clk", *(declared("input", width, port) for port, width in inputs.items()),
+              *(declared("output", width, port) for port, width in outputs.items()),
+              *(declared("output", width, f"{port}_{side}") for side in SIDES for port, width in watched.items())]
+    text = [TIMESCALE, f"module {name} (\n  ", ",\n  ".join(listed), "\n);\n"]
+    text += [f"  {declared('wire', spec.width, port)};\n" for port, spec in pins.items()]
+    text += [f"  wire [11:0] level_{side};\n  wire changed_{side};\n" for side in SIDES]
+    for module, own in modules.items():
+        wires = ", ".join(f".{port.name}({inside.get(port.name, port.name)})" for port in own)
+        text.append(f"  {module} {module} ({wires});\n")
+    text.append("  wire lit_clock = ccd_clk & ~lost_clock;\n")
+    model, converter = SENSORS[sensor], ADCS[adc]
+    for bit, side in enumerate(SIDES):
+        clocks = ({"phi_m": "lit_clock", "sh": f"ccd_sh_{side}", "icg": "ccd_icg"} if "ccd_icg" in pins else
+                  {"clk": "lit_clock", "st": f"ccd_st_{side}"})
+        text.append(model.instance(f"ccd_{side}", clocks | {
+            "level": f"level_{side}", "changed": f"changed_{side}", "slot": f"slot_{side}",
+            "transfers": f"transfers_{side}", "opened": f"opened_{side}", "closed": f"closed_{side}",
+            "violated": f"ccd_violated_{side}", "violations": f"ccd_violations_{side}"}, LINES=lines))
+        data = "sdata" if adc == "spi" else "data"
+        bits = 1 if adc == "spi" else 12
+        text.append(f"  wire [{bits - 1}:0] sent_{side};\n"
+                    f"  assign adc_{data}_{side} = stuck[{bit}] ? stuck_word[{bits - 1}:0] : sent_{side};\n")
+        serial = {"cs_n": "adc_cs_n", "sclk": "adc_sclk"} if adc == "spi" else {"clk": "adc_clk"}
+        text.append(converter.instance(f"adc_{side}", serial | {
+            "observe": "clk", "level": f"level_{side}", "changed": f"changed_{side}",
+            "quiet": f"ccd_sh_{side}" if "ccd_icg" in pins else "1'b0", data: f"sent_{side}",
+            "word": f"word_{side}", "samples": f"samples_{side}", "violated": f"adc_violated_{side}",
+            "violations": f"adc_violations_{side}"},
+            SETTLE_MIN=model.settle_ns, GUARD_MIN=model.guard_ns,
+            **({} if adc == "spi" else {"LATENCY": adc_latency})))
+    return "".join([*text, "endmodule\n"]), list(inputs), list(outputs)
+
+
+HEAD = struct.Struct("<IIQQ")
+TRANSFER, SAMPLES, EVENT, BYTE, VIOLATION, MIDDLE = range(6)
+"""Kinds of records, as in pins.cpp."""
+
+
+class PinDriver(VerilatedModel):
+    """Modules with sensors and ADCs, Verilated.
+
+    Parameters
+    ----------
+    verilog : str
+        Text of the modules.
+    modules : dict
+        Maps each module to its ports.
+    build : Path
+        Folder for compiled models.
+    sensor, adc : str
+        Names in SENSORS and ADCS.
+    adc_latency : int
+        Of a parallel ADC.
+    pixels : int
+        Pixels of a line.
+    **fields
+        Further fields of PinInterface.
+
+    Raises: as VerilatedModel.
+    """
+
+    DRIVER = files(__package__) / "pins.cpp"
+
+    def __init__(self, verilog: str, modules: dict[str, Sequence[Port]], build: str | os.PathLike, *, sensor: str,
+                 adc: str, adc_latency: int, pixels: int, **fields) -> None:
+        self.sensor, self.adc = SENSORS[sensor], ADCS[adc]
+        bench, inputs, outputs = bench_text("bench", modules, sensor, adc, adc_latency=adc_latency)
+        interface = PinInterface("bench", tuple(inputs), tuple(outputs), sensor=self.sensor.module, pixels=pixels,
+                                 reset="", **fields)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "bench.v"
+            path.write_text(bench + self.sensor.text + self.adc.text + verilog, encoding="utf-8")
+            super().__init__(path, interface, build)
+
+    def run(self, actions: Sequence[tuple[int, str, int]], image: Callable[[int, int, float], np.ndarray], *,
+            cycles: int, events: int | None = None, progress: Callable[[int], object] | None = None) -> PinRun:
+        """A run from power-up.
+
+        Parameters
+        ----------
+        actions : sequence of (int, str, int)
+            Clock cycle, input, and the value that it has from this cycle on. Inputs are zero at first.
+        image : callable
+            ``image(ccd, line, exposure_s)`` gives the pixels of a line, integers of 12 bits, when its exposure has
+            ended; ``ccd`` is 0 for roll, 1 for pitch; the first ``line`` is 0.
+        cycles, events : int
+            Clock cycles, and number of events, after which the run ends.
+        progress : callable or None
+            Called with the clock cycle at each line.
+
+        Returns: PinRun.
+        """
+        interface = self.interface
+        assert isinstance(interface, PinInterface)
+        numbers = {port: index for index, port in enumerate(interface.inputs)}
+        rows = np.array(sorted((cycle, numbers[port], value) for cycle, port, value in actions),
+                        dtype="<u8").reshape(-1, 3)
+        lines: tuple[list[Line], list[Line]] = ([], [])
+        found: list[np.ndarray] = []
+        cycles_of: dict[int, list[int]] = {EVENT: [], BYTE: [], MIDDLE: []}
+        received = bytearray()
+        violations: list[Violation] = []
+        second = 1e-12
+        with subprocess.Popen([self._executable], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            try:
+                limits = np.array([cycles, np.iinfo(np.uint64).max if events is None else events], dtype="<u8")
+                process.stdin.write(b"".join((len(rows).to_bytes(8, "little"), rows.tobytes(), limits.tobytes())))
+                process.stdin.flush()
+                while head := process.stdout.read(HEAD.size):
+                    kind, number, cycle, count = HEAD.unpack(head)
+                    words = np.frombuffer(process.stdout.read(8 * count), dtype="<u8")
+                    if kind == TRANSFER:
+                        total, opened, closed = words.tolist()
+                        line = Line(cycle, opened * second, closed * second, np.zeros(0, np.uint16))
+                        line.image = np.ascontiguousarray(image(number, total - 1, line.exposure_s), dtype="<u2")
+                        lines[number].append(line)
+                        process.stdin.write(line.image.tobytes())
+                        process.stdin.flush()
+                        if progress:
+                            progress(cycle)
+                    elif kind == SAMPLES:
+                        if lines[number]:
+                            lines[number][-1].slots = (words >> 16).astype(int)
+                            lines[number][-1].words = (words & 0xFFFF).astype(np.uint16)
+                    elif kind == VIOLATION:
+                        violations.append(self._violation(cycle, number, *words.tolist()))
+                    else:
+                        cycles_of[kind].append(cycle)
+                        if kind == EVENT:
+                            found.append(words)
+                        elif kind == BYTE:
+                            received.append(number >> 1 & 0xFF)
+            except BaseException:
+                process.kill()
+                raise
+        if process.returncode:
+            raise RuntimeError(f"the bench ended early, status {process.returncode}")
+        values = np.array(found, dtype=np.uint64).reshape(-1, len(interface.outputs))
+        answer = {name: values[:, column] for column, name in enumerate(interface.outputs)}
+        return PinRun(lines, {"cycle": np.array(cycles_of[EVENT]), **answer}, bytes(received),
+                      np.array(cycles_of[BYTE]), np.array(cycles_of[MIDDLE]), violations)
+
+    def _violation(self, cycle: int, number: int, rules: int, count: int) -> Violation:
+        model, side = (self.sensor, self.adc)[number // 2], ("roll", "pitch")[number % 2]
+        return Violation(cycle, f"{model.module} {side}",
+                         tuple(rule for place, rule in enumerate(model.rules, 1) if rules >> place & 1), count)
