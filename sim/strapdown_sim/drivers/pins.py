@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from amaranth.lib.wiring import In
@@ -255,7 +256,7 @@ class PinDriver(VerilatedModel):
     DRIVER = files(__package__) / "pins.cpp"
 
     def __init__(self, verilog: str, modules: dict[str, Sequence[Port]], build: str | os.PathLike, *, sensor: str,
-                 adc: str, adc_latency: int, pixels: int, **fields) -> None:
+                 adc: str, adc_latency: int, pixels: int, **fields: Any) -> None:
         self.sensor, self.adc = SENSORS[sensor], ADCS[adc]
         bench, inputs, outputs = bench_text("bench", modules, sensor, adc, adc_latency=adc_latency)
         interface = PinInterface("bench", tuple(inputs), tuple(outputs), sensor=self.sensor.module, pixels=pixels,
