@@ -1,0 +1,87 @@
+"""Exposure control: the exposure of the next line from the spot of this one."""
+
+import operator
+
+import numpy as np
+from amaranth import *
+from amaranth.lib.wiring import In, Out
+
+from strapdown.component import Described
+
+from .pixels import PIXEL_WIDTH
+from .timing import EXPOSURE_WIDTH
+
+__all__ = ["ExposureControl"]
+
+TOO_HIGH, TOO_LOW, LOW = 3200, 650, 2000
+"""Peaks, counts above the black level."""
+
+
+class ExposureControl(Described):
+    """The exposure after each line, within its range: halved if a pixel was saturated; else less an eighth above a peak
+    of 3200 counts; else doubled below 650; else a quarter more below 2000.
+
+    Parameters
+    ----------
+    least, most : int
+        Range, cycles.
+    start : int
+        Exposure after a reset, cycles.
+    fixed : bool
+        True if the exposure stays so.
+
+    Members
+    -------
+    update : In(1)
+        High for one cycle with the results of a line.
+    peak, saturated : In(12)
+        Results of SpotFinder; both are zero if no run was valid, so the exposure grows.
+    exposure : Out(24)
+        Exposure, cycles; the new one two cycles after ``update``.
+
+    Raises: ValueError if the range is empty or too large, or the start is outside.
+    """
+
+    def __init__(self, *, least, most, start, fixed=False):
+        self._least, self._most, self._start = map(operator.index, (least, most, start))
+        self._fixed = bool(fixed)
+        if not 8 <= self._least <= self._most < 1 << EXPOSURE_WIDTH:
+            raise ValueError(f"exposures must be from 8 to {(1 << EXPOSURE_WIDTH) - 1} cycles, "
+                             f"not from {least} to {most}")
+        if not self._least <= self._start <= self._most:
+            raise ValueError(f"exposure must start within {least} and {most} cycles, not at {start}")
+        super().__init__({"update": In(1), "peak": In(PIXEL_WIDTH), "saturated": In(PIXEL_WIDTH),
+                          "exposure": Out(EXPOSURE_WIDTH, init=self._start)})
+
+    def compute(self, exposure, peak, saturated):
+        """Software twin: the exposure after a line, integers in cycles, from arrays of one shape."""
+        exposure, peak, saturated = np.broadcast_arrays(exposure, peak, saturated)
+        if self._fixed:
+            return exposure.copy()
+        change = np.select([saturated > 0, peak > TOO_HIGH, peak < TOO_LOW, peak < LOW],
+                           [-(exposure >> 1), -(exposure >> 3), exposure, exposure >> 2], 0)
+        return np.clip(exposure + change, self._least, self._most)
+
+    def elaborate(self, platform):
+        m = Module()
+        if self._fixed:
+            m.d.comb += self.exposure.eq(self._start)
+            return m
+        width = (2 * self._most).bit_length()
+        exposure, changed, due = Signal(width - 1, init=self._start), Signal(width, reset_less=True), Signal()
+        with m.If(self.saturated != 0):
+            m.d.sync += changed.eq(exposure - (exposure >> 1))
+        with m.Elif(self.peak > TOO_HIGH):
+            m.d.sync += changed.eq(exposure - (exposure >> 3))
+        with m.Elif(self.peak < TOO_LOW):
+            m.d.sync += changed.eq(exposure << 1)
+        with m.Elif(self.peak < LOW):
+            m.d.sync += changed.eq(exposure + (exposure >> 2))
+        with m.Else():
+            m.d.sync += changed.eq(exposure)
+        m.d.sync += due.eq(self.update)
+        with m.If(due):
+            m.d.sync += exposure.eq(Mux(changed < self._least, self._least,
+                                        Mux(changed > self._most, self._most, changed)))
+        m.d.comb += self.exposure.eq(exposure)
+        return m

@@ -1,0 +1,390 @@
+"""The timing of two line sensors: clock, transfer and exposure pulses, and the instants to sample."""
+
+import operator
+from math import ceil
+
+from amaranth import *
+from amaranth.lib import data
+from amaranth.lib.cdc import FFSynchronizer
+from amaranth.lib.wiring import In, Out
+
+from strapdown.component import Described
+
+__all__ = ["EXPOSURE_WIDTH", "LineTiming"]
+
+EXPOSURE_WIDTH = 24
+"""Bits of an exposure in clock cycles."""
+
+TRIGGERS = "internal", "external"
+
+# Protocol "sh_icg", seconds. SH rises between 100 and 1,000 ns after ICG falls. It is high for 1,000 ns or more; the
+# second microsecond leaves less charge behind. ICG rises 1,000 ns or more after SH falls, typically 5 us, while the
+# clock is high.
+SH_AFTER_ICG, SH_HIGH, ICG_AFTER_SH, ICG_IN_CLOCK = 500e-9, 2e-6, 5e-6, 50e-9
+# Pulses of SH that take residual charge away before an exposure, and their distance. After a sample and around the
+# edges of ICG, SH rests.
+FLUSHES, FLUSH_PITCH = 8, 10e-6
+SH_AFTER_SAMPLE, SH_FROM_ICG = 50e-9, 500e-9
+
+
+class LineTiming(Described):
+    """Drives two line sensors of a kind: all pins, the exposure of each, and the instants at which the ADCs sample.
+
+    Time is divided into the pixel slots of the sensor, from reset on, and lines begin with a slot. So the distance from
+    a sample to any edge of a pin is the same in all lines. A line reads what was exposed during the line before it, and
+    exposes for the line after it. The first line after ``run`` rises only exposes, the last one after it falls only
+    reads; then the pins rest: SH and ST low, ICG high. The sensor's clock never stops.
+
+    Parameters
+    ----------
+    sensor : LineSensor
+    clock_hz : float
+        Frequency of the clock.
+    sensor_clock_hz : float or None
+        Frequency of the sensor's clock, a part of ``clock_hz``; None means the preset.
+    line_clocks : int or None
+        Clocks of the sensor from line to line, whole pixel slots; None means the preset.
+    sample_at : int or None
+        Cycles from the begin of a pixel slot to the sample; None means the preset.
+    exposure_s : tuple of float or None
+        Least and largest exposure, seconds; None for either means the sensor's.
+    trigger : str
+        "internal": lines follow each other while ``run`` is high. "external": each rising edge of ``trigger`` exposes
+        one line. It is taken at the next end of a line, at once if none runs; one more is remembered.
+
+    Members
+    -------
+    run : In(1)
+        High for lines.
+    exposure : In(array of 2 x 24 bits)
+        Exposure of the roll and of the pitch sensor, cycles, taken at the begin of a line. The effective exposure is
+        the next shorter one that the slots allow, within ``exposure_range``.
+    trigger : In(1)
+        Only with an external trigger. It may change at any time.
+    ccd_clk : Out(1)
+        Clock of both sensors.
+    ccd_sh, ccd_icg : Out(2), Out(1)
+        Pins of the protocol "sh_icg", SH for each sensor.
+    ccd_st : Out(2)
+        Pins of the protocol "st_clk".
+    sample, first, last, pixel_index : Out(1), Out(1), Out(1), Out(12)
+        ``sample`` is high for one cycle for each effective pixel, one cycle before the pin of the ADC is to change.
+        With it, ``first`` and ``last`` mark the ends of the line, and ``pixel_index`` counts from 0.
+    exposing : Out(2)
+        The sensor is exposed.
+    middle : Out(1)
+        High for one cycle in the middle of the roll sensor's exposure.
+    effective : Out(array of 2 x 24 bits)
+        Effective exposures, cycles, of the line whose pixels come.
+
+    All pins are registers. The edges of SH and ST that depend on an exposure have one place in a pixel slot, ``guard``
+    cycles before the next sample.
+    Raises: ValueError if the sensor cannot work so.
+    Sources: those of the sensor.
+    """
+
+    def __init__(self, sensor, *, clock_hz, sensor_clock_hz=None, line_clocks=None, sample_at=None, exposure_s=None,
+                 trigger="internal"):
+        if trigger not in TRIGGERS:
+            raise ValueError(f"trigger must be {' or '.join(TRIGGERS)}, not {trigger!r}")
+        self._sensor, self._clock_hz, self._external = sensor, clock_hz, trigger == "external"
+        self._clock = self._clock_cycles(sensor_clock_hz or sensor.clock_hz)
+        self._slot = self._clock * sensor.clocks_per_pixel
+        self._high = self._clock // 2
+        self._events = self._transfer()
+        self._line_slots = self._slots_of_line(
+            sensor.line_clocks if line_clocks is None else operator.index(line_clocks))
+        self._sample_at = round(sensor.sample_at * self._slot) if sample_at is None else operator.index(sample_at)
+        self._check_sample()
+        self._exposure_range = self._exposures(*(exposure_s or (None, None)))
+        super().__init__({
+            "run": In(1), "exposure": In(data.ArrayLayout(EXPOSURE_WIDTH, 2)),
+            **({"trigger": In(1)} if self._external else {}),
+            "ccd_clk": Out(1), **({"ccd_sh": Out(2), "ccd_icg": Out(1, init=1)} if self._transfers else
+                                  {"ccd_st": Out(2)}),
+            "sample": Out(1), "first": Out(1), "last": Out(1), "pixel_index": Out(12), "exposing": Out(2),
+            "middle": Out(1), "effective": Out(data.ArrayLayout(EXPOSURE_WIDTH, 2))})
+
+    def _cycles(self, seconds):
+        """The cycles that take at least some seconds."""
+        return ceil(round(seconds * self._clock_hz, 6))
+
+    def _clock_cycles(self, sensor_clock_hz):
+        """Cycles of a clock of the sensor."""
+        sensor, ratio = self._sensor, self._clock_hz / sensor_clock_hz
+        if not sensor.clock_hz_min <= sensor_clock_hz <= sensor.clock_hz_max:
+            raise ValueError(f"the clock of {sensor.name} must be from {sensor.clock_hz_min / 1e6:g} to "
+                             f"{sensor.clock_hz_max / 1e6:g} MHz, not {sensor_clock_hz / 1e6:g} MHz")
+        if ratio < 4 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+            raise ValueError(f"the clock must be a whole multiple of the sensor's {sensor_clock_hz / 1e6:g} MHz, "
+                             f"4 times or more, not {self._clock_hz / 1e6:g} MHz")
+        return round(ratio)
+
+    @property
+    def _transfers(self):
+        """True for the protocol "sh_icg", whose lines begin with a transfer."""
+        return self._sensor.protocol == "sh_icg"
+
+    def _transfer(self):
+        """The cycles of a line at which its pins change, and at which the exposure of the line before ends."""
+        if not self._transfers:
+            # The clock falls in the middle of slot 0. Without a shutter, its rise ends the exposure.
+            fall = self._high
+            ends = fall + self._sensor.exposure_tail * self._clock if self._sensor.shutter else 0
+            return {"ST falls": fall, "exposure ends": ends, "pixel slots": 0}
+        rise = self._cycles(SH_AFTER_ICG)
+        fall = rise + self._cycles(SH_HIGH)
+        place = self._cycles(ICG_IN_CLOCK)
+        if not 0 < place < self._high:
+            raise ValueError(f"ICG must rise while the sensor's clock is high, which it is for {self._high} cycles: "
+                             f"choose a faster clock than {self._clock_hz / 1e6:g} MHz")
+        back = fall + self._cycles(ICG_AFTER_SH)
+        back += (place - back) % self._clock
+        return {"ICG falls": 0, "SH rises": rise, "SH falls": fall, "exposure ends": fall, "ICG rises": back,
+                "pixel slots": back}
+
+    def _slots_of_line(self, line_clocks):
+        """Pixel slots of a line."""
+        sensor = self._sensor
+        pause = self._cycles(sensor.line_pause_s) + self._events["pixel slots"]
+        least = max(sensor.line_clocks_min + ceil(self._cycles(sensor.line_pause_s) / self._clock),
+                    ceil((sensor.slots * self._slot + pause) / self._clock))
+        if line_clocks < least:
+            raise ValueError(f"a line of {sensor.name} takes {least} clocks of the sensor or more, not {line_clocks}")
+        if line_clocks % sensor.clocks_per_pixel:
+            raise ValueError(f"a line of {sensor.name} must be a multiple of {sensor.clocks_per_pixel} clocks of the "
+                             f"sensor, not {line_clocks}")
+        return line_clocks // sensor.clocks_per_pixel
+
+    def _check_sample(self):
+        if not 0 < self._sample_at < self._slot:
+            raise ValueError(f"sample_at must be within the pixel, from 1 to {self._slot - 1} cycles, "
+                             f"not {self._sample_at}")
+        if self.guard < 2:
+            raise ValueError(f"sample_at must not be {self._sample_at}: there may be an edge of "
+                             f"ST {self.guard} cycles before the sample")
+
+    def _exposures(self, least_s, most_s):
+        """Least and largest effective exposure in cycles."""
+        sensor, clock, end, line = self._sensor, self._clock, self._events["exposure ends"], self.line_cycles
+        if self._transfers:
+            # SH is low before ICG falls, and after ICG has risen.
+            rest = self._cycles(SH_FROM_ICG)
+            least = max(self._cycles(sensor.exposure_min_s), end + rest)
+            most = line + end - self._events["ICG rises"] - rest - self._flush_cycles
+        elif sensor.shutter:
+            least = max(self._cycles(sensor.exposure_min_s), (sensor.st_high_min + sensor.exposure_tail) * clock)
+            most = line + (sensor.exposure_tail - sensor.st_low_min) * clock
+        else:
+            least = most = line - sensor.reset_clocks * clock
+        limits = self._on_grid(least, up=True), self._on_grid(most)
+        chosen = [limit if seconds is None else self._on_grid(round(seconds * self._clock_hz), up=up)
+                  for seconds, limit, up in zip((least_s, most_s), limits, (True, False), strict=True)]
+        if not limits[0] <= chosen[0] <= chosen[1] <= limits[1]:
+            asked, can = ([f"{1e6 * cycles / self._clock_hz:g}" for cycles in pair] for pair in (
+                [limit if seconds is None else seconds * self._clock_hz
+                 for seconds, limit in zip((least_s, most_s), limits, strict=True)], limits))
+            raise ValueError(f"the exposure of {sensor.name} must be from {can[0]} to {can[1]} us in this line, "
+                             f"not from {asked[0]} to {asked[1]} us")
+        return tuple(chosen)
+
+    def _on_grid(self, exposure, *, up=False):
+        """The next shorter exposure that is possible, or the next longer one."""
+        below = (exposure - self._exposure_step) % self._slot
+        return exposure + (-below % self._slot if up else -below)
+
+    @property
+    def _exposure_step(self):
+        """Where exposures lie between multiples of a slot: the exposure's end less the place of its begin in a slot."""
+        return self._events["exposure ends"] - self._edge_place
+
+    @property
+    def _edge_place(self):
+        """Cycle of a slot at which an exposure begins."""
+        if not self._transfers:
+            return self._high if self._sensor.shutter else 0
+        return (self._events["pixel slots"] + self._sample_at + self._cycles(SH_AFTER_SAMPLE)) % self._slot
+
+    @property
+    def _flush_slots(self):
+        """Slots in which SH is high, and slots from one pulse to the next."""
+        high = ceil(self._cycles(SH_HIGH) / self._slot)
+        return high, max(ceil(self._cycles(FLUSH_PITCH) / self._slot), high + 1)
+
+    @property
+    def _flush_cycles(self):
+        """Cycles from the first pulse of SH before an exposure to its begin."""
+        if not self._transfers:
+            return 0
+        high, pitch = self._flush_slots
+        return (FLUSHES * pitch + high) * self._slot
+
+    @property
+    def sensor(self):
+        """The sensor."""
+        return self._sensor
+
+    @property
+    def clock_cycles(self):
+        """Cycles of a clock of the sensor; it is high in the first half, rounded down."""
+        return self._clock
+
+    @property
+    def slot_cycles(self):
+        """Cycles of a pixel slot: the least distance of samples."""
+        return self._slot
+
+    @property
+    def line_cycles(self):
+        """Cycles from line to line."""
+        return self._line_slots * self._slot
+
+    @property
+    def sample_at(self):
+        """Cycles from the begin of a pixel slot to the sample."""
+        return self._sample_at
+
+    @property
+    def exposure_range(self):
+        """Least and largest effective exposure in cycles."""
+        return self._exposure_range
+
+    @property
+    def exposure_step(self):
+        """Cycles from one effective exposure to the next."""
+        return self._slot
+
+    @property
+    def guard(self):
+        """Cycles from an edge of ST, or an edge of SH that depends on an exposure, to the next sample."""
+        edge = self._edge_place if self._transfers else self._high
+        return (self._events["pixel slots"] + self._sample_at - edge) % self._slot
+
+    @property
+    def events(self):
+        """Cycles of a line at which something happens, by name; cycle 0 is the begin of slot 0 or the fall of ICG."""
+        slots, sensor = self._events["pixel slots"], self._sensor
+        pixel = slots + self._slot * sensor.lead
+        return {name: cycle for name, cycle in self._events.items() if name != "pixel slots"} | {
+            "first pixel": pixel, "first sample": pixel + self._sample_at,
+            "last sample": pixel + self._sample_at + self._slot * (sensor.pixels - 1),
+            "read-out ends": slots + self._slot * sensor.slots, "next line": self.line_cycles}
+
+    def elaborate(self, platform):
+        m = Module()
+        sensor, line = self._sensor, self.line_cycles
+        # Place in the line: slot, clock of the slot, cycle of the clock. What is decided in a cycle reaches the pins
+        # after the next edge; all pins and outputs are late by this one cycle.
+        beat, clock = Signal(range(self._clock)), Signal(range(sensor.clocks_per_pixel))
+        slot = Signal(range(self._line_slots), init=self._line_slots - 2)
+
+        def in_slot(cycle):
+            return (beat == cycle % self._clock) & (clock == cycle // self._clock)
+
+        def at(cycle):
+            cycle %= line
+            return in_slot(cycle % self._slot) & (slot == cycle // self._slot)
+
+        ends = Signal()
+        m.d.comb += ends.eq(in_slot(self._slot - 1))
+        m.d.sync += [self.ccd_clk.eq(beat < self._high), beat.eq(Mux(beat == self._clock - 1, 0, beat + 1))]
+        with m.If(beat == self._clock - 1):
+            m.d.sync += clock.eq(Mux(ends, 0, clock + 1))
+
+        # A line exposes, reads, or both. Without a next line, the slot before the last one is repeated.
+        reading, exposing, follows, goes = Signal(), Signal(), Signal(), Signal()
+        asked = Array(Signal(EXPOSURE_WIDTH, name=f"asked_{ccd}", reset_less=True) for ccd in range(2))
+        taken = Array(Signal(EXPOSURE_WIDTH, name=f"taken_{ccd}") for ccd in range(2))
+        m.d.comb += goes.eq(self.run & self._pending(m, goes & ends & (slot == self._line_slots - 2)))
+        with m.If(ends):
+            m.d.sync += slot.eq(slot + 1)
+            with m.If(slot == self._line_slots - 2):
+                m.d.sync += follows.eq(goes)
+                with m.If(goes):
+                    m.d.sync += [asked[ccd].eq(self.exposure[ccd]) for ccd in range(2)]
+                with m.If(~goes & ~exposing):
+                    m.d.sync += slot.eq(slot)
+            with m.If(slot == self._line_slots - 1):
+                m.d.sync += [slot.eq(0), reading.eq(exposing), exposing.eq(follows)]
+                m.d.sync += [self.effective[ccd].eq(taken[ccd]) for ccd in range(2)]
+
+        # Samples.
+        sampling, sample, first = Signal(), Signal(), Signal()
+        m.d.comb += [first.eq(at(self.events["first sample"] - 1) & reading),
+                     sample.eq(in_slot((self.events["first sample"] - 1) % self._slot) & (sampling | first))]
+        last = at(self.events["last sample"] - 1)
+        m.d.sync += [self.sample.eq(sample), self.first.eq(first), self.last.eq(sample & last)]
+        with m.If(sample):
+            m.d.sync += [sampling.eq(~last), self.pixel_index.eq(Mux(first, 0, self.pixel_index + 1))]
+
+        # Exposure. ``ahead`` is the exposure that would follow if the first edge for it came now.
+        remaining, ahead = Signal(range(line)), Signal(range(line))
+        complete, places, latest, opens = Signal(), Signal(), Signal(), Signal()
+        least, most = self._exposure_range
+        m.d.comb += [complete.eq(at(self._events["exposure ends"])), ahead.eq(remaining - self._flush_cycles),
+                     places.eq(in_slot(self._edge_place)), latest.eq(ahead == least),
+                     opens.eq(at(self._events["exposure ends"] - most - self._flush_cycles - 1) & exposing)]
+        m.d.sync += remaining.eq(Mux(complete, line - 1, remaining - 1))
+        for ccd in range(2):
+            armed, begins = Signal(name=f"armed_{ccd}"), Signal(name=f"begins_{ccd}")
+            m.d.comb += begins.eq(armed & places & ((ahead <= asked[ccd]) | latest))
+            with m.If(begins):
+                m.d.sync += [armed.eq(0), taken[ccd].eq(ahead)]
+            with m.If(opens):
+                m.d.sync += armed.eq(1)
+            exposed = self._pulses(m, ccd, begins, places, at, reading)
+            with m.If(exposed):
+                m.d.sync += self.exposing[ccd].eq(1)
+            with m.If(complete):
+                m.d.sync += self.exposing[ccd].eq(0)
+        m.d.sync += self.middle.eq(self.exposing[0] & (remaining == taken[0] >> 1))
+        return m
+
+    def _pending(self, m, taken):
+        """High if a line may begin; ``taken`` is high if it does."""
+        if not self._external:
+            return C(1)
+        now, before, pending = Signal(), Signal(), Signal()
+        m.submodules.trigger = FFSynchronizer(self.trigger, now)
+        m.d.sync += before.eq(now)
+        with m.If(~self.run | taken):
+            m.d.sync += pending.eq(0)
+        with m.If(now & ~before):
+            m.d.sync += pending.eq(self.run)
+        return pending
+
+    def _pulses(self, m, ccd, begins, places, at, reading):
+        """The pins of one sensor. Returns a Value that is high if its exposure begins."""
+        events = self._events
+        if not self._transfers:
+            pin = self.ccd_st[ccd]
+            rises = begins if self._sensor.shutter else at(events["ST falls"] - self._clock)
+            with m.If(rises):
+                m.d.sync += pin.eq(1)
+            with m.If(at(events["ST falls"])):
+                m.d.sync += pin.eq(0)
+            return begins
+        pin = self.ccd_sh[ccd]
+        high, pitch = self._flush_slots
+        flushing, left = Signal(name=f"flushing_{ccd}"), Signal(range(FLUSHES + 1), name=f"left_{ccd}")
+        step, exposed = Signal(range(pitch + 1), name=f"step_{ccd}"), Signal(name=f"exposed_{ccd}")
+        with m.If(begins):
+            m.d.sync += [flushing.eq(1), left.eq(FLUSHES), step.eq(1), pin.eq(1)]
+        with m.If(flushing & places):
+            m.d.sync += step.eq(step + 1)
+            with m.If(step == high):
+                m.d.sync += [pin.eq(0), flushing.eq(left != 0)]
+                m.d.comb += exposed.eq(left == 0)
+            with m.If(step == pitch):
+                m.d.sync += [step.eq(1), left.eq(left - 1), pin.eq(1)]
+        with m.If(reading):
+            if ccd == 0:
+                with m.If(at(events["ICG falls"])):
+                    m.d.sync += self.ccd_icg.eq(0)
+                with m.If(at(events["ICG rises"])):
+                    m.d.sync += self.ccd_icg.eq(1)
+            with m.If(at(events["SH rises"])):
+                m.d.sync += pin.eq(1)
+            with m.If(at(events["SH falls"])):
+                m.d.sync += pin.eq(0)
+        return exposed
