@@ -16,6 +16,7 @@ from amaranth.lib.wiring import In
 from strapdown.kernel.description import Port
 
 from ..instrument.pins import ADCS, SENSORS
+from .toolchain import run_tool
 from .verilated import Interface, VerilatedModel
 
 __all__ = ["Line", "PinDriver", "PinRun", "Violation", "bench_text"]
@@ -58,8 +59,10 @@ class Line:
 
     Attributes
     ----------
+    ccd, number : int
+        Sensor: 0 for roll, 1 for pitch; number of the line, the first is 0.
     cycle : int
-        Clock cycle in which its exposure ended.
+        Clock cycle in which it was moved into the register.
     opened_s, closed_s : float
         Start and end of the exposure, in seconds since the run began. The start is zero if nothing marked it.
     image : ndarray of uint16, shape (pixels,)
@@ -70,10 +73,12 @@ class Line:
         The ADC's words of these samples.
     """
 
+    ccd: int
+    number: int
     cycle: int
     opened_s: float
     closed_s: float
-    image: np.ndarray
+    image: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint16))
     slots: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     words: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint16))
 
@@ -81,6 +86,11 @@ class Line:
     def exposure_s(self):
         """Length of the exposure in seconds."""
         return self.closed_s - self.opened_s
+
+    @property
+    def middle_s(self):
+        """Middle of the exposure, in seconds since the run began."""
+        return (self.closed_s + self.opened_s) / 2
 
 
 @dataclass
@@ -230,6 +240,42 @@ TRANSFER, SAMPLES, EVENT, BYTE, VIOLATION, MIDDLE = range(6)
 """Kinds of records, as in pins.cpp."""
 
 
+ICARUS = """
+module test;
+  reg clk;
+  integer cycle, status, file, index;
+  reg [63:0] at, value;
+  {declarations}
+  bench bench (.clk(clk), {ports});
+  task set;
+    case (index)
+      {cases}
+    endcase
+  endtask
+  initial begin
+    clk = 0;
+    {initial}
+    $readmemh("image_r", bench.ccd_r.image);
+    $readmemh("image_p", bench.ccd_p.image);
+    file = $fopen("actions", "r");
+    status = $fscanf(file, "%d %d %h", at, index, value);
+    for (cycle = 0; cycle < {cycles}; cycle = cycle + 1) begin
+      while (status == 3 && at == cycle) begin
+        set;
+        status = $fscanf(file, "%d %d %h", at, index, value);
+      end
+      clk = 0;
+      #{half} clk = 1;
+      #{half};
+    end
+    $finish;
+  end
+  always @(posedge {event}) if (cycle > 0) $strobe("{form}", cycle, {values});
+endmodule
+"""
+"""A bench that does the same as pins.cpp with light that does not depend on the exposure."""
+
+
 class PinDriver(VerilatedModel):
     """Modules with sensors and ADCs, Verilated.
 
@@ -258,7 +304,9 @@ class PinDriver(VerilatedModel):
     def __init__(self, verilog: str, modules: dict[str, Sequence[Port]], build: str | os.PathLike, *, sensor: str,
                  adc: str, adc_latency: int, pixels: int, **fields: Any) -> None:
         self.sensor, self.adc = SENSORS[sensor], ADCS[adc]
-        bench, inputs, outputs = bench_text("bench", modules, sensor, adc, adc_latency=adc_latency)
+        self._verilog, self._modules = verilog, modules
+        self._options: dict[str, Any] = {"sensor": sensor, "adc": adc, "adc_latency": adc_latency}
+        bench, inputs, outputs = bench_text("bench", modules, **self._options)
         interface = PinInterface("bench", tuple(inputs), tuple(outputs), sensor=self.sensor.module, pixels=pixels,
                                  reset="", **fields)
         with TemporaryDirectory() as folder:
@@ -266,7 +314,7 @@ class PinDriver(VerilatedModel):
             path.write_text(bench + self.sensor.text + self.adc.text + verilog, encoding="utf-8")
             super().__init__(path, interface, build)
 
-    def run(self, actions: Sequence[tuple[int, str, int]], image: Callable[[int, int, float], np.ndarray], *,
+    def run(self, actions: Sequence[tuple[int, str, int]], image: Callable[[Line], np.ndarray], *,
             cycles: int, events: int | None = None, progress: Callable[[int], object] | None = None) -> PinRun:
         """A run from power-up.
 
@@ -275,8 +323,7 @@ class PinDriver(VerilatedModel):
         actions : sequence of (int, str, int)
             Clock cycle, input, and the value that it has from this cycle on. Inputs are zero at first.
         image : callable
-            ``image(ccd, line, exposure_s)`` gives the pixels of a line, integers of 12 bits, when its exposure has
-            ended; ``ccd`` is 0 for roll, 1 for pitch; the first ``line`` is 0.
+            Gives the pixels of a Line, integers of 12 bits, when it is moved into the register.
         cycles, events : int
             Clock cycles, and number of events, after which the run ends.
         progress : callable or None
@@ -286,9 +333,7 @@ class PinDriver(VerilatedModel):
         """
         interface = self.interface
         assert isinstance(interface, PinInterface)
-        numbers = {port: index for index, port in enumerate(interface.inputs)}
-        rows = np.array(sorted((cycle, numbers[port], value) for cycle, port, value in actions),
-                        dtype="<u8").reshape(-1, 3)
+        rows = self._rows(actions)
         lines: tuple[list[Line], list[Line]] = ([], [])
         found: list[np.ndarray] = []
         cycles_of: dict[int, list[int]] = {EVENT: [], BYTE: [], MIDDLE: []}
@@ -307,8 +352,8 @@ class PinDriver(VerilatedModel):
                     words = np.frombuffer(process.stdout.read(8 * count), dtype="<u8")
                     if kind == TRANSFER:
                         total, opened, closed = words.tolist()
-                        line = Line(cycle, opened * second, closed * second, np.zeros(0, np.uint16))
-                        line.image = np.ascontiguousarray(image(number, total - 1, line.exposure_s), dtype="<u2")
+                        line = Line(number, total - 1, cycle, opened * second, closed * second)
+                        line.image = np.ascontiguousarray(image(line), dtype="<u2")
                         lines[number].append(line)
                         process.stdin.write(line.image.tobytes())
                         process.stdin.flush()
@@ -336,7 +381,47 @@ class PinDriver(VerilatedModel):
         return PinRun(lines, {"cycle": np.array(cycles_of[EVENT]), **answer}, bytes(received),
                       np.array(cycles_of[BYTE]), np.array(cycles_of[MIDDLE]), violations)
 
+    def _rows(self, actions: Sequence[tuple[int, str, int]]) -> np.ndarray:
+        """Actions as rows of cycle, number of the input, and value, in order."""
+        numbers = {port: index for index, port in enumerate(self.interface.inputs)}
+        return np.array(sorted((cycle, numbers[port], value) for cycle, port, value in actions),
+                        dtype="<u8").reshape(-1, 3)
+
     def _violation(self, cycle: int, number: int, rules: int, count: int) -> Violation:
         model, side = (self.sensor, self.adc)[number // 2], ("roll", "pitch")[number % 2]
         return Violation(cycle, f"{model.module} {side}",
                          tuple(rule for place, rule in enumerate(model.rules, 1) if rules >> place & 1), count)
+
+    def events_in_icarus(self, actions: Sequence[tuple[int, str, int]], run: PinRun, folder: Path, *,
+                         cycles: int) -> dict[str, np.ndarray]:
+        """The events of a run in Icarus Verilog with the actions and the light of ``run``; as in ``PinRun.events``.
+
+        ``folder`` takes the files of the simulation. The event must be the rise of an output. Raises: ToolError if
+        Icarus fails.
+        """
+        interface = self.interface
+        assert isinstance(interface, PinInterface)
+        depth = max(len(lines) for lines in run.lines)
+        bench, inputs, outputs = bench_text("bench", self._modules, lines=depth, **self._options)
+        width = {port.name: port.width for own in self._modules.values() for port in own} | FAULTS
+        text = ICARUS.format(
+            declarations="\n  ".join(f"{kind} [{width[name] - 1}:0] {name};" for kind, names in (
+                ("reg", inputs), ("wire", outputs)) for name in names),
+            ports=", ".join(f".{name}({name})" for name in (*inputs, *outputs)),
+            cases="\n      ".join(f"{index}: {name} = value;" for index, name in enumerate(inputs)),
+            initial="\n    ".join(f"{name} = 0;" for name in inputs), cycles=cycles, half=interface.period_ps // 2,
+            event=interface.event, form=" ".join(["event %0d", *("%h" for _ in outputs)]), values=", ".join(outputs))
+        for side, lines in zip(SIDES, run.lines, strict=True):
+            (folder / f"image_{side}").write_text("\n".join(
+                f"{count:x}" for line in lines for count in line.image.tolist()), encoding="utf-8")
+        (folder / "actions").write_text("".join(
+            f"{cycle} {number} {value:x}\n" for cycle, number, value in self._rows(actions).tolist()), encoding="utf-8")
+        (folder / "bench.v").write_text(TIMESCALE + text + bench + self.sensor.text + self.adc.text + self._verilog,
+                                        encoding="utf-8")
+        run_tool(["iverilog", "-g2001", "-s", "test", "-o", folder / "bench.vvp", folder / "bench.v"])
+        rows = [line.split()[1:] for line in run_tool(["vvp", "-n", "bench.vvp"], directory=folder).splitlines()
+                if line.startswith("event")]
+        cycles_of = np.array([int(cycle) for cycle, *_ in rows])
+        return {"cycle": cycles_of} | {
+            name: np.array([int(row[column], 16) for row in rows], dtype=np.uint64)
+            for column, name in enumerate(outputs, 1)}

@@ -2,8 +2,8 @@
 //
 // START_SAMPLED = 0 (Hamamatsu S11639): the exposure lasts while ST is high, and EXPOSURE_CLOCKS longer. The read-out
 // begins when ST falls; pixel 1 begins at the LEADth rising edge of CLK after that.
-// START_SAMPLED = 1 (ams TSL1402): ST is the pin SI. A rising edge of CLK at which it is high ends the exposure and
-// begins the read-out; pixel 1 begins at that edge. The next exposure begins EXPOSURE_CLOCKS later.
+// START_SAMPLED = 1 (ams TSL1402): ST is the pin SI, whose rise ends the exposure. The rising edge of CLK at which it is
+// high begins the read-out, and pixel 1. The next exposure begins EXPOSURE_CLOCKS later.
 // In both, a pixel takes one CLK. Parameters of time are in nanoseconds. Times at ports are in picoseconds.
 `timescale 1ps / 1ps
 
@@ -86,13 +86,16 @@ module ccd_st_clk #(
   endtask
 
   // An exposure ends, and its read-out begins.
-  task begin_line;
+  task transfer(input [63:0] from, input [63:0] to);
     begin
       if (started && (clocks < LINE_MIN || $time - began < LINE_MIN * period + 1000 * LINE_EXTRA)) broken(READ_OUT);
       started = 1;
       began = $time;
       clocks = 0;
-      reading = 1;
+      reading = !START_SAMPLED;
+      slot = 0;
+      opened = from;
+      closed = to;
       transfers = transfers + 1;
     end
   endtask
@@ -113,10 +116,9 @@ module ccd_st_clk #(
     clocks = clocks + 1;
     if (START_SAMPLED && st) begin
       if ($time - st_rose < 1000 * SETUP_MIN) broken(START_SETUP);
-      opened = exposing;
-      closed = $time;
-      begin_line;
       sampled = 1;
+      clocks = 0;
+      reading = 1;
       show(LEAD);
     end else begin
       if (START_SAMPLED && raised && $time - st_fell < 1000 * SETUP_MIN) broken(START_SETUP);
@@ -132,6 +134,7 @@ module ccd_st_clk #(
     if (!START_SAMPLED && started && $time - st_fell < LOW_MIN * period) broken(START_LOW);
     raised = 1;
     st_rose = $time;
+    if (START_SAMPLED) transfer(exposing, $time);
   end
 
   always @(negedge st) if (raised) begin
@@ -141,10 +144,7 @@ module ccd_st_clk #(
       sampled = 0;
     end else begin
       if ($time - st_rose < HIGH_MIN * period) broken(START_HIGH);
-      opened = st_rose;
-      closed = $time + EXPOSURE_CLOCKS * period;
-      begin_line;
-      slot = 0;
+      transfer(st_rose, $time + EXPOSURE_CLOCKS * period);
     end
   end
 endmodule
