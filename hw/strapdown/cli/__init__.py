@@ -11,6 +11,7 @@ from strapdown import __version__
 from strapdown.export import CircuitError
 from strapdown.tools import ToolError
 
+from .calibrate import calibrate
 from .catalogue import list_configurations
 from .common import InterruptedByUserError, UserError, own_line
 from .design import design
@@ -78,5 +79,5 @@ def main():
             stream.reconfigure(errors="replace")
 
 
-for command in list_configurations, generate, operators, link, replay, monitor, design, schedule, explain:
+for command in list_configurations, generate, operators, link, replay, monitor, design, calibrate, schedule, explain:
     main.add_command(command)

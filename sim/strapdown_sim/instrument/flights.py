@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["FLIGHTS", "GRAVITY_M_S2", "Flight", "Lines", "Motion", "Pulse", "Wave", "body_from_level"]
+__all__ = ["FLIGHTS", "GRAVITY_M_S2", "Flight", "Lines", "Motion", "Pulse", "Wave", "body_from_level",
+           "level_from_body"]
 
 GRAVITY_M_S2 = 9.80665
 
@@ -152,6 +153,13 @@ def body_from_level(v, roll, pitch):
     x, y, z = np.moveaxis(v, -1, 0)
     x, z = np.cos(pitch) * x - np.sin(pitch) * z, np.sin(pitch) * x + np.cos(pitch) * z
     return np.stack([x, np.cos(roll) * y + np.sin(roll) * z, np.cos(roll) * z - np.sin(roll) * y], axis=-1)
+
+
+def level_from_body(v, roll, pitch):
+    """Vectors in body axes as vectors in L."""
+    x, y, z = np.moveaxis(v, -1, 0)
+    y, z = np.cos(roll) * y - np.sin(roll) * z, np.sin(roll) * y + np.cos(roll) * z
+    return np.stack([np.cos(pitch) * x + np.sin(pitch) * z, y, np.cos(pitch) * z - np.sin(pitch) * x], axis=-1)
 
 
 def _turns(count, angle_deg, rate_deg_s, rise_s, duration_s):
