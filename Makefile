@@ -72,7 +72,8 @@ faults: setup ## Flip COUNT bits of a core during a recording; CONFIG, SEED, ONL
 		--recordings $(RECORDINGS) --output build/faults
 	$(if $(ONLY),,mkdir -p docs/faults && cp build/faults/$(CONFIG).json docs/faults)
 
-accuracy: $(VENV)/ready-accuracy ## Compare attitude filters on real recordings with published ones, for `make docs`; RECORDINGS=folder.
+accuracy: $(VENV)/ready-accuracy ## Errors of attitude filters on real recordings, and of the optical sensor, for `make docs`; RECORDINGS=folder.
+	$(BIN)/python -m strapdown_lab.studies.optical
 	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
 	mkdir -p docs/report && cp build/accuracy/accuracy.json build/accuracy/accuracy.png docs/report
 

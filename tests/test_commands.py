@@ -28,6 +28,8 @@ from strapdown_lab.proof.__main__ import main as proof
 from strapdown_lab.proof.solver import Outcome as Proof
 from strapdown_sim.drivers.faults import FaultModel, Outcome, Verdict
 from strapdown_sim.drivers.storage import REGISTER, Storage
+from strapdown_sim.instrument.calibration import SET_B
+from strapdown_sim.reference.optical import pixels_of_angles
 
 PROGRAMS = r"(?:make|strapdown|pip|python -m \S+|scripts/\S+\.(?:py|sh))"
 
@@ -135,6 +137,20 @@ def strapdown(words, place):
 def named(words, place):
     """Only the name of a command, which must have a help text."""
     assert place.invoke(main, [*words[1:], "--help"]).startswith("Usage:")
+
+
+def calibration(words, place):
+    """Points of an instrument whose constants are known."""
+    rows = [(r, p) for r in range(-25, 26, 10) for p in range(-25, 26, 10)]
+    axis = [(10 * k, 5 * np.cos(0.07 * k), 5 * np.sin(0.07 * k)) for k in range(9)]
+    for name, columns, points in (("table", "", rows), ("rest", "time_s,", axis)):
+        lines = [",".join(map(str, (*time, *((0.0, 0.0) if time else angles),
+                                    *pixels_of_angles(*np.radians(angles), SET_B))))
+                 for *time, roll, pitch in points for angles in [(roll, pitch)]]
+        (place.folder / f"{name}.csv").write_text("\n".join([f"{columns}roll_deg,pitch_deg,roll_px,pitch_px", *lines]),
+                                                  encoding="utf-8")
+    place.invoke(main, words[1:])
+    assert (place.folder / "build" / "calibration" / "calibration.json").exists()
 
 
 def with_names(words, place):
@@ -260,6 +276,9 @@ def recipe(words, place):
             proofs(rest, place)
         case ["python", "-m", "strapdown_lab.faults", *rest]:
             faults(rest, place)
+        case ["python", "-m", "strapdown_lab.studies.optical"]:
+            # tests/lab/test_optical.py measures some of its figures.
+            pass
         case ["python", "-m", "strapdown_lab.docs"]:
             # tests/test_readme.py and tests/lab compare its output.
             pass
@@ -281,6 +300,7 @@ RULES = {
     r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*)": with_names,
     r"strapdown (?:generate|replay|explain|schedule|design|link|operators) .*": strapdown,
+    r"strapdown calibrate .*": calibration,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
     r"scripts/\S+\.py": lambda words, place: (ROOT / words[0]).read_text(encoding="utf-8"),
     # A test builds the wheel and installs it: tests/test_package.py.

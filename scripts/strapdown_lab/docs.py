@@ -39,6 +39,7 @@ from .report.tables import anchor_table, core_table, flow_lines, microseconds, o
 from .studies.accuracy import figure_table
 from .studies.airliner import airliner_table
 from .studies.flight_parts import parts_table
+from .studies.optical import flights_table, geometry_lines, positions_table
 from .studies.pole import POLE_CORES, pole_errors
 
 
@@ -212,6 +213,12 @@ def airliner_block():
     return airliner_table(json.loads((ROOT / "docs" / "report" / "airliner.json").read_text(encoding="utf-8")))
 
 
+def optical_blocks():
+    """Tables of docs/optical.md, by the name of their block."""
+    result = json.loads((ROOT / "docs" / "report" / "optical.json").read_text(encoding="utf-8"))
+    return {"flights": flights_table(result), "positions": positions_table(result), "geometry": geometry_lines(result)}
+
+
 def parts_block():
     """Table of the parts of the flight filter."""
     return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
@@ -254,6 +261,8 @@ def main():
         write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
     if (figures / "airliner.json").exists():
         write_blocks(ROOT / "docs" / "sins.md", {"airliner": airliner_block()})
+    if (figures / "optical.json").exists():
+        write_blocks(ROOT / "docs" / "optical.md", optical_blocks())
     if (figures / "flight_parts.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"parts": parts_block()})
 
