@@ -223,8 +223,9 @@ def draw(path: Path) -> None:
         for label, case, compensation in lines:
             observed, found = told(case, compensation)
             error = np.max(np.abs(differences(observed, found)), axis=0)
-            axes.plot(observed.lines.time_s, np.maximum(error, 1e-6), color=COLOURS[label], linewidth=1.2, label=label)
+            axes.plot(observed.lines.time_s, error, color=COLOURS[label], linewidth=1.2, label=label)
         axes.set_yscale("log")
+        axes.set_ylim(bottom=1e-4)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.set_ylabel("larger error (°)")
         axes.set_title(f"{flight.title}{note}", loc="left", fontweight="bold")
