@@ -99,6 +99,11 @@ def test_a_reset_of_no_word_is_refused():
         replace(INS_TOP, reset={"w": 1.0})
 
 
+def test_an_order_of_status_bits_must_name_those_of_the_engine():
+    with pytest.raises(ValueError, match=r"^status_order must name 'ignored', which is a status bit$"):
+        replace(INS_TOP, status_order=("refused", *INS_TOP.status))
+
+
 def sequential(system, pool, inputs):
     """The twin, sample by sample: (result, refused), the expected results of `run`. The rule of restarts is written
     once more."""

@@ -136,7 +136,8 @@ class Engine(SystemComponent):
         """Names of the status bits, lowest first."""
         if not self._system.status_port:
             return ()
-        return (*self._system.status, REFUSED, IGNORED, *([RESTARTED] if self._system.restart_after else []))
+        own = (*self._system.status, REFUSED, IGNORED, *([RESTARTED] if self._system.restart_after else []))
+        return self._system.status_order or own
 
     def elaborate(self, platform):
         m = Module()
@@ -339,8 +340,9 @@ class Engine(SystemComponent):
             m.d.sync += refusals.eq(0)
         with m.Elif(control.ending & ~foreign):
             m.d.sync += refusals.eq(refusals + 1)
-        with m.If(control.ending):
-            m.d.sync += getattr(self, self._system.status_port)[self.status_names.index(RESTARTED)].eq(restarts)
+        if RESTARTED in self.status_names:
+            with m.If(control.ending):
+                m.d.sync += getattr(self, self._system.status_port)[self.status_names.index(RESTARTED)].eq(restarts)
 
 
 class Control(NamedTuple):

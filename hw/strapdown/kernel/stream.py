@@ -143,7 +143,8 @@ class StreamEngine(SystemComponent):
         """Names of the status bits, lowest first."""
         if not self._system.status_port:
             return ()
-        return (*self._system.status, REFUSED, *([RESTARTED] if self._system.restart_after else []))
+        own = (*self._system.status, REFUSED, *([RESTARTED] if self._system.restart_after else []))
+        return self._system.status_order or own
 
     def elaborate(self, platform):
         m = Module()
@@ -424,11 +425,10 @@ class StreamEngine(SystemComponent):
 
         shown = [self.out_channel.eq(stages.channel[-1])]
         if self.status_names:
-            status = [kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated
-                      for name, operand in graph.status.items()]
+            status = {name: (kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated) & ~control.refuse
+                      for name, operand in graph.status.items()} | {REFUSED: control.refuse, RESTARTED: restart}
             shown.append(getattr(self, self._system.status_port).eq(
-                Cat(*(bit & ~control.refuse for bit in status), control.refuse,
-                    *([restart] if self._system.restart_after else []))))
+                Cat(status.get(name, C(0)) for name in self.status_names)))
         with m.If(control.commit):
             m.d.sync += shown
         for port, node in graph.outputs.items():

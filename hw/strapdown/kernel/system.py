@@ -101,6 +101,9 @@ class System:
     status_port : str
         Port of the status bits. A system with a status port refuses an update in which a number is
         not finite. Empty: NaN and infinity propagate to the outputs.
+    status_order : tuple of str
+        Names of all bits of the status port, lowest first; a bit that the engine does not have stays low. Empty: the
+        bits of the engine, in its order.
     restart_after : int
         Number of updates, refused in a row although every input was finite, after which the state starts again from its
         reset values. Outputs hold until the next update that is not refused. 0: never.
@@ -121,6 +124,7 @@ class System:
     reset: dict[str, float] = field(default_factory=dict)
     status: tuple[str, ...] = ()
     status_port: str = ""
+    status_order: tuple[str, ...] = ()
     restart_after: int = 0
 
     def __post_init__(self):
@@ -136,6 +140,9 @@ class System:
         if self.restart_after and not (self.state and self.status_port):
             raise ValueError(f"restart_after must be 0, not {self.restart_after!r}: {self.name} has no state, or no "
                              "status port and so no refused updates")
+        if missing := [name for name in (*self.status, "refused", "ignored")
+                       if self.status_order and name not in self.status_order]:
+            raise ValueError(f"status_order must name {missing[0]!r}, which is a status bit")
         for port, bits in self.integers.items():
             if port not in self.input_ports:
                 raise ValueError(f"integers names {port!r}, which is not an input port")
