@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from strapdown.files import written_together
-from strapdown.link import NAVIGATION, Frame, FrameDecoder
+from strapdown.link import FRAME_TYPES, Frame, FrameDecoder
 
 __all__ = ["Curves", "MonitorError", "monitor", "read_port"]
 
@@ -24,9 +24,10 @@ PATIENCE_S = 0.1
 WINDOW = 3000
 """Number of frames that a window shows."""
 
-HEADER = ("Frame", "Status", *(f"{quantity.meaning.split(',')[0].capitalize()} ({quantity.unit})"
-                               for quantity in NAVIGATION.quantities))
-"""Header of the CSV file."""
+
+def _titles(type):
+    """What the numbers of a frame are, and their units."""
+    return [f"{quantity.meaning.split(',')[0]} ({quantity.unit})" for quantity in FRAME_TYPES[type].quantities]
 
 
 class MonitorError(ValueError):
@@ -92,20 +93,22 @@ def _read_serial(port, baud_rate):
 
 
 class Curves:
-    """Position, velocity and attitude over the number of the frame, on a figure.
+    """The numbers of frames over the number of the frame, on a figure.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
         Empty; that of a window, or one to save.
+    type : int
+        Type of the frames.
     """
 
-    def __init__(self, figure):
+    def __init__(self, figure, type):
         self._panels = []
         grid = figure.subplots(3, 3, sharex=True)
-        for axes, quantity in zip(grid.ravel(), NAVIGATION.quantities, strict=True):
+        for axes, title in zip(grid.ravel(), _titles(type), strict=True):
             line, = axes.plot([], [], ".", markersize=2, color="#10243e")
-            axes.set_title(f"{quantity.meaning.split(',')[0]} ({quantity.unit})", fontsize="small")
+            axes.set_title(title, fontsize="small")
             axes.ticklabel_format(useOffset=False)
             axes.grid(color="#e4e4e4", linewidth=0.6)
             axes.spines[["top", "right"]].set_visible(False)
@@ -129,24 +132,27 @@ class _Window:
         import matplotlib.pyplot as plt
 
         try:
-            figure = plt.figure(figsize=(10, 7), layout="constrained")
-            has_window = figure.canvas.required_interactive_framework is not None
+            self._figure = plt.figure(figsize=(10, 7), layout="constrained")
+            has_window = self._figure.canvas.required_interactive_framework is not None
         except ImportError:
             has_window = False
         if not has_window:
             raise MonitorError("--live needs a display, but none is available")
-        self._curves = Curves(figure)
+        self._curves = None
         self._pause = plt.pause
 
     def show(self, frames):
         """Draw these Frames, if there are any, and process the events of the window."""
         if frames:
+            self._curves = self._curves or Curves(self._figure, frames[0].type)
             self._curves.show(frames)
         self._pause(0.001)
 
 
-def monitor(chunks, output, *, plot=None, live=False):
+def monitor(chunks, output, *, plot=None, live=False, every=1):
     """Decode bytes to a CSV file until they end or the user interrupts.
+
+    All frames have the type of the first one; others are left out.
 
     Parameters
     ----------
@@ -158,6 +164,8 @@ def monitor(chunks, output, *, plot=None, live=False):
         PNG file to draw at the end.
     live : bool
         True to draw in a window at the same time.
+    every : int
+        Updates from one frame to the next.
 
     Returns
     -------
@@ -171,11 +179,11 @@ def monitor(chunks, output, *, plot=None, live=False):
         # Port and display are opened before a file is overwritten.
         window = _Window() if live else None
         first = next(chunks, b"")
-        decoder = FrameDecoder()
+        decoder = FrameDecoder(every)
         frames: deque[Frame] = deque(maxlen=None if plot else WINDOW)
         with _Rows(output) as rows:
             def keep(new):
-                rows.append(new)
+                rows.append(new := [frame for frame in new if frame.type == (frames or new)[0].type])
                 frames.extend(new)
 
             try:
@@ -191,8 +199,8 @@ def monitor(chunks, output, *, plot=None, live=False):
                 if plot and frames:
                     _picture(plot, frames)
     if not decoder.frames:
-        raise MonitorError(f"no frame was found in {decoder.skipped_bytes} bytes: are they of SINS_uart, at this baud "
-                           "rate?")
+        raise MonitorError(f"no frame was found in {decoder.skipped_bytes} bytes: are they of SINS_uart or "
+                           "OPT_top, at this baud rate?")
     return decoder
 
 
@@ -217,7 +225,7 @@ class _Rows:
         if self._file is None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._path.open("wb", buffering=0)
-            writer.writerow(HEADER)
+            writer.writerow(("Frame", "Status", *(title[0].upper() + title[1:] for title in _titles(frames[0].type))))
         # str of a NumPy number is the shortest decimal that restores the same bits.
         writer.writerows((frame.number, frame.status, *map(str, frame.values)) for frame in frames)
         data, sent = text.getvalue().encode(), 0
@@ -241,6 +249,6 @@ class _Rows:
 
 def _picture(path, frames):
     figure = Figure(figsize=(10, 7), dpi=100, layout="constrained")
-    Curves(figure).show(frames)
+    Curves(figure, frames[0].type).show(frames)
     with written_together(path.parent) as folder:
         FigureCanvasAgg(figure).print_png(folder / path.name)

@@ -42,7 +42,7 @@ def test_garbage_around_and_between(frames, numbers, piece):
     rng = np.random.default_rng(2)
     # The garbage contains beginnings of frames, also in its last byte; without EB it contains none.
     plain = rng.integers(0, 0xEB, 300, dtype=np.uint8).tobytes()
-    garbage = plain + b"\xeb\xeb\x90\x48\x02\xeb\x90\x49\x01\xeb\xeb"
+    garbage = plain + b"\xeb\xeb\x90\x48\x03\xeb\x90\x49\x01\xeb\xeb"
     data = garbage.join([b"", *frames, b""])
     found, decoder = decode(data, piece)
     assert_frames(found, range(COUNT), numbers)

@@ -165,7 +165,7 @@ def test_bytes_without_a_frame_are_an_error(tmp_path, monkeypatch):
         result = CliRunner().invoke(main, ["monitor", "line.bin", "--output", output, "--plot", "nav.png"])
         assert result.exit_code == 2
         assert result.output == \
-            "strapdown: no frame was found in 5000 bytes: are they of SINS_uart, at this baud rate?\n"
+            "strapdown: no frame was found in 5000 bytes: are they of SINS_uart or OPT_top, at this baud rate?\n"
     assert {path.name for path in tmp_path.iterdir()} == {"line.bin", "nav.csv"}
     assert (tmp_path / "nav.csv").read_text(encoding="utf-8") == "of before"
 

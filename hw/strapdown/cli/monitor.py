@@ -17,9 +17,11 @@ __all__ = ["monitor"]
               help="CSV file to write.")
 @click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), default=None, metavar="FILE",
               help="PNG file to draw at the end.")
+@click.option("--every", type=click.IntRange(min=1), default=1, show_default=True, metavar="N",
+              help="Updates from one frame to the next, so that the others do not count as lost.")
 @click.option("--live", is_flag=True, help="Draw in a window while frames arrive.")
-def monitor(port, baud_rate, output, plot, live):
-    """Decode frames of SINS_uart from PORT: a serial port, a pseudo-terminal, or a recorded file.
+def monitor(port, baud_rate, output, plot, every, live):
+    """Decode frames of SINS_uart or OPT_top from PORT: a serial port, a pseudo-terminal, or a recorded file.
 
     It ends at the end of the file, or with Ctrl-C.
     """
@@ -30,7 +32,7 @@ def monitor(port, baud_rate, output, plot, live):
         raise UserError(f"--output would overwrite {port}, which is read")
     try:
         with writing(output, *filter(None, [plot])):
-            counts = run(read_port(port, baud_rate), output, plot=plot, live=live)
+            counts = run(read_port(port, baud_rate), output, plot=plot, live=live, every=every)
     except MonitorError as error:
         raise UserError(str(error)) from None
     click.echo(f"{output}  {counts.frames} frames, {counts.lost} lost, {counts.crc_errors} CRC errors, "

@@ -4,10 +4,11 @@ from amaranth import *
 from amaranth.lib import wiring
 from amaranth.lib.wiring import Out
 
-from strapdown.kernel.description import Port, Section
-from strapdown.link import FRAME_TYPES, LAYOUT, FrameSampler, FrameSender
+from strapdown.kernel.description import Port
+from strapdown.link import FRAME_TYPES, FrameSampler, FrameSender
 
 from .catalogue import control_of, main_module, make_core, system_of
+from .frames import frame_facts, frame_sections
 from .top import Top, Wrapper
 
 __all__ = ["UartLink", "uart_core"]
@@ -78,22 +79,16 @@ class UartLink(Wrapper):
     @property
     def sections(self):
         """Frame, payload and timing."""
-        system, sender = self.system, self._sender
-        timing = (f"As in {system.name}, {system.finish} rises {self.latency} cycles after the edge that takes a "
-                  f"start. A frame begins two cycles later; it has {sender.size} bytes and takes {sender.interval} "
-                  f"cycles, {sender.divisor} per bit.")
-        return (Section("FRAME", rows=tuple((field.name, field.size or "length", field.meaning) for field in LAYOUT)),
-                Section("PAYLOAD", rows=tuple((quantity.name, quantity.unit, quantity.meaning)
-                                              for quantity in self._frame_type.quantities)),
-                Section("TIMING", paragraphs=(timing,)))
+        system = self.system
+        return frame_sections(
+            self._frame_type, self._sender,
+            f"As in {system.name}, {system.finish} rises {self.latency} cycles after the edge that takes a start. "
+            "A frame begins two cycles later.")
 
     @property
     def facts(self):
         """The frame, and the time that it takes, as JSON values."""
-        sender = self._sender
-        return {"frame": [{"name": field.name, "bytes": field.size, "meaning": field.meaning} for field in LAYOUT],
-                "payload": [vars(quantity) for quantity in self._frame_type.quantities],
-                "frame_bytes": sender.size, "frame_cycles": sender.interval, "bit_cycles": sender.divisor}
+        return frame_facts(self._frame_type, self._sender)
 
     def elaborate(self, platform):
         m = super().elaborate(platform)

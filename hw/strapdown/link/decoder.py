@@ -15,14 +15,17 @@ class Frame:
 
     Attributes
     ----------
+    type : int
+        Number of its type in FRAME_TYPES.
     number : int
         Updates since the first frame, without the overflows of the counter.
     status : int
         Status bits of the core.
     values : ndarray, shape (9,)
-        The quantities of NAVIGATION, float32 or float64, as sent.
+        The quantities of its type, float32 or float64, as sent.
     """
 
+    type: int
     number: int
     status: int
     values: np.ndarray
@@ -31,19 +34,25 @@ class Frame:
 class FrameDecoder:
     """Finds frames in a stream of bytes, with or without garbage.
 
+    Parameters
+    ----------
+    every : int
+        Updates from one frame to the next.
+
     Attributes
     ----------
     frames, crc_errors : int
         Complete frames; bytes that look like a frame, with a wrong CRC.
     lost : int
-        Updates missing between the frames, by their counters.
+        Frames missing between the frames, by their counters.
     restarts : int
         Number of times that the counter did not change, or went back by up to 32,768: the core was reset.
     skipped_bytes : int
         Bytes that belong to no complete frame.
     """
 
-    def __init__(self):
+    def __init__(self, every=1):
+        self._every = every
         self.frames = self.crc_errors = self.lost = self.restarts = self.skipped_bytes = 0
         self._pending = bytearray()
         self._counter = None
@@ -103,7 +112,7 @@ class FrameDecoder:
         if self._counter is not None:
             step = (counter - self._counter) & 0xFFFF
             if 1 <= step < 0x8000:
-                self.lost += step - 1
+                self.lost += max(step // self._every - 1, 0)
                 self._number += step
             else:
                 self.restarts += 1
@@ -112,4 +121,4 @@ class FrameDecoder:
         self.frames += 1
         number_size = FRAME_TYPES[frame[place("type").start]].payload_sizes[length]
         values = np.frombuffer(frame[place("payload", length)], dtype=f"<f{number_size}")
-        return Frame(self._number, frame[place("status").start], values)
+        return Frame(frame[place("type").start], self._number, frame[place("status").start], values)

@@ -3,8 +3,8 @@
 import binascii
 from dataclasses import dataclass
 
-__all__ = ["FRAME_TYPES", "LAYOUT", "MAX_PAYLOAD", "NAVIGATION", "SYNC", "Field", "FrameType", "Quantity", "crc",
-           "frame_size", "place"]
+__all__ = ["FRAME_TYPES", "LAYOUT", "MAX_PAYLOAD", "NAVIGATION", "OPTICAL_ATTITUDE", "SYNC", "Field", "FrameType",
+           "Quantity", "crc", "frame_size", "place"]
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,19 @@ NAVIGATION = FrameType(1, "position, velocity and attitude", (
     Quantity("heading", "deg", "true heading, clockwise from north, [0, 360)"),
 ))
 
-FRAME_TYPES = {kind.number: kind for kind in (NAVIGATION,)}
+OPTICAL_ATTITUDE = FrameType(2, "attitude and spots of the optical sensor", (
+    Quantity("pitch", "deg", "pitch, nose up"),
+    Quantity("roll", "deg", "roll, right side down"),
+    Quantity("pitch_measured", "deg", "measured pitch, of the body against the rotor axis"),
+    Quantity("roll_measured", "deg", "measured roll, of the body against the rotor axis"),
+    Quantity("roll_px", "px", "spot on the roll CCD, from its first pixel"),
+    Quantity("pitch_px", "px", "spot on the pitch CCD, from its first pixel"),
+    Quantity("roll_peak", "counts", "peak on the roll CCD, above black"),
+    Quantity("pitch_peak", "counts", "peak on the pitch CCD, above black"),
+    Quantity("exposure_r", "us", "exposure of the roll CCD, of this line"),
+))
+
+FRAME_TYPES = {kind.number: kind for kind in (NAVIGATION, OPTICAL_ATTITUDE)}
 """All types of frame, by number."""
 
 
