@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from strapdown.cores import make_core as make_new_core
+from strapdown.cores import make_module as make_new_module
 
 ROOT = Path(__file__).parents[1]
 
@@ -20,6 +21,13 @@ def root():
 def make_core():
     """``strapdown.cores.make_core``, which makes each core once: scheduling takes seconds."""
     return cache(make_new_core)
+
+
+@pytest.fixture(scope="session")
+def make_module(make_core):
+    """``strapdown.cores.make_module``, which makes each module once; cores are those of ``make_core``."""
+    make_assembly = cache(make_new_module)
+    return lambda module, config: (make_assembly if module in config.assemblies() else make_core)(module, config)
 
 
 @pytest.fixture(scope="session")

@@ -13,9 +13,9 @@ def test_table_of_modules(root, make_core):
     assert found[1].strip() == docs.modules_block(make_core)
 
 
-def test_table_of_configurations(root, make_core):
+def test_table_of_configurations(root, make_module):
     found = block((root / "README.md").read_text(encoding="utf-8"), "configurations")
-    assert found[1].strip() == docs.configurations_block(make_core)
+    assert found[1].strip() == docs.configurations_block(make_module)
 
 
 @pytest.mark.parametrize(("page", "blocks"), [

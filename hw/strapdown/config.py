@@ -4,7 +4,7 @@ import re
 import unicodedata
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from strapdown.kernel.pool import STYLES, MemoryStyle, Pool
 from strapdown.kernel.system import System
 
-__all__ = ["Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes"]
+__all__ = ["Assembly", "Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes"]
 
 
 class ConfigError(ValueError):
@@ -82,6 +82,15 @@ def _optional_style(value):
 
 Style = Annotated[MemoryStyle | None, BeforeValidator(_style)]
 OptionalStyle = Annotated[MemoryStyle | bool | None, BeforeValidator(_optional_style)]
+
+
+class Assembly(NamedTuple):
+    """A module that is made of components and has no equations of its own."""
+
+    title: str
+    """Its function in one line."""
+    make: Callable[..., Any]
+    """Function of the configuration that makes its component, for a ``Top``."""
 
 
 class Config(BaseModel):
@@ -158,9 +167,17 @@ class Config(BaseModel):
     def systems(self) -> dict[str, Callable[..., System]]:
         """Maps each module name to the function that makes the module's System from this configuration.
 
-        The last module is the main module. It has all the functions of the configuration.
+        The last module is the main module, if there are no ``assemblies``. It has all the functions of the
+        configuration.
         """
         raise NotImplementedError
+
+    def assemblies(self) -> dict[str, Assembly]:
+        """Maps the name of each further module, which has no equations of its own, to its Assembly.
+
+        They follow the Systems. If there are any, the last one is the main module.
+        """
+        return {}
 
     def constant_inputs(self) -> dict[str, float]:
         """Values, for a replay, of the main module's inputs that are not sensors, by the kernel's names."""
@@ -173,7 +190,8 @@ class Config(BaseModel):
         interval of None as the empty string. Raises: ConfigError.
         """
         try:
-            return type(self)(**(dict(self) | changes))
+            # Without the fields that follow from others.
+            return type(self)(**({name: getattr(self, name) for name in self.model_fields_set} | changes))
         except pydantic.ValidationError as error:
             raise ConfigError(_one_line(self, error)) from None
 
@@ -186,6 +204,8 @@ def _one_line(config, error):
         fields = ", ".join(field for field in type(config).model_fields if field != "pool")
         return f"configuration {config.name} has no field {where!r}: choose from {fields}"
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if not where:
+        return f"configuration {config.name}: {message}"
     if not message.startswith("must"):
         message = f"must be {message}"
     return f"configuration {config.name}: {where} {message}, not {first['input']!r}"

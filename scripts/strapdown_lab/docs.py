@@ -26,6 +26,7 @@ from strapdown.cores import (
     THESIS,
     main_module,
     make_core,
+    make_module,
 )
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS
@@ -50,16 +51,15 @@ def modules_block(make_core=make_core):
         [f"`{name}`", core.system.title, core.latency, f"{core.latency / 100:.2f}"] for name, core in cores.items()])
 
 
-def configurations_block(make_core=make_core):
-    """Table of the configurations: top module, cycles, and measured figures."""
+def configurations_block(make_module=make_module):
+    """Table of the configurations: top module, cycles, and measured figures. ``make_module`` may cache modules."""
     report = ROOT / "docs" / "report" / "cores.json"
     figures = json.loads(report.read_text(encoding="utf-8")) if report.exists() else {"cores": []}
     measured = {row["config"]: row for row in figures["cores"]}
     rows = []
     for config in CONFIGS.values():
         module = main_module(config)
-        core = make_core(module, config)
-        cells = [getattr(core.engine, "interval", core.latency), *"–––––"]
+        cells = [make_module(module, config).interval, *"–––––"]
         if row := measured.get(config.name):
             cells[1:4] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}"]
             if "ecp5" in row:

@@ -101,8 +101,10 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     count = len(recording.time_s)
 
     progress("build", 0, 1)
-    config = config.replace(sample_rate_hz=recording.sample_rate_hz)
     module = main_module(config)
+    if module in config.assemblies():
+        raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
+    config = config.replace(sample_rate_hz=recording.sample_rate_hz)
     if config.channels > 1:
         raise ConfigError(f"{module} takes the samples of {config.channels} sensors, and a recording has one: "
                           "replay it with channels=1")

@@ -20,12 +20,12 @@ LINKED = "SINS_uart"
 
 
 @pytest.fixture(scope="module", params=[*CORES, LINKED, *VENDOR_OPERATORS])
-def verilog(request, make_core, tmp_path_factory):
+def verilog(request, make_module, tmp_path_factory):
     """A generated Verilog file: a core, the core with the serial link, or an operator."""
     folder, name = tmp_path_factory.mktemp("lint"), request.param
     if name in CORES:
         module, config = CORES[name]
-        return write_core(make_core(module, config), config, folder, "strapdown generate")
+        return write_core(make_module(module, config), config, folder, "strapdown generate")
     if name == LINKED:
         return write(uart_core(SINS, clock_hz=1e8, baud_rate=921_600), folder, command="", config=SINS)
     return write(VendorOperator(name), folder, command="")

@@ -95,9 +95,9 @@ def figures(root):
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def test_figures_are_of_these_circuits(figures, make_core):
+def test_figures_are_of_these_circuits(figures, make_module):
     known = [{key: value for key, value in row.items() if key != "families"} for row in figures["cores"]]
-    assert known == [circuit(variant, make_core)[0] for variant in VARIANTS], "make families measures them again"
+    assert known == [circuit(variant, make_module)[0] for variant in VARIANTS], "make families measures them again"
 
 
 def test_figures_are_of_these_families(figures):

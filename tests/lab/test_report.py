@@ -196,9 +196,9 @@ def figures():
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in FIGURES.glob("*.json")}
 
 
-def test_figures_of_cores_are_of_these_circuits(figures, make_core):
+def test_figures_of_cores_are_of_these_circuits(figures, make_module):
     known = {(row["module"], row["config"]): row["verilog_sha256"] for row in figures["cores"]["cores"]}
-    found = {(entry.module, entry.config.name): core_circuit(make_core(entry.module, entry.config), entry.config)
+    found = {(entry.module, entry.config.name): core_circuit(make_module(entry.module, entry.config), entry.config)
              for entry in CORES}
     assert known == {key: digest(circuit) for key, circuit in found.items()}, "make report measures them again"
 

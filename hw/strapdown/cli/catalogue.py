@@ -2,7 +2,7 @@
 
 import click
 
-from strapdown.cores import CONFIGS, MODULES, system_of
+from strapdown.cores import CONFIGS, MODULES, title_of
 
 __all__ = ["list_configurations"]
 
@@ -15,4 +15,4 @@ def list_configurations():
         click.echo(f"  {config.name:<16}{config.description}")
     click.echo("\nModules (--module NAME), each with the first configuration that contains it:")
     for name, (config, *_) in MODULES.items():
-        click.echo(f"  {name:<12}{config.name:<16}{system_of(name, config).title}")
+        click.echo(f"  {name:<14}{config.name:<16}{title_of(name, config)}")

@@ -11,10 +11,10 @@ from pathlib import Path
 import click
 
 from strapdown.config import Config, ConfigError
-from strapdown.cores import CONFIGS, TEXT_PORTS, main_module, make_core, modules_of
+from strapdown.cores import CONFIGS, main_module, make_core, make_module, modules_of
 
-__all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "named_configuration",
-           "own_line", "target_of", "writing"]
+__all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "made_module",
+           "named_configuration", "own_line", "target_of", "writing"]
 
 DEFAULT = "thesis"
 
@@ -197,9 +197,18 @@ def _first_with(modules):
     raise UserError(f"no configuration has all of {', '.join(modules)}: name one with --config")
 
 
-def core_of(config, module=None, names=TEXT_PORTS):
-    """The core ``module``, or the main core, of a configuration, with ports of some names. Raises: UserError."""
+def core_of(config, module=None):
+    """The core ``module``, or the main core, of a configuration. Raises: UserError, also for another module."""
+    return _made(make_core, module or main_module(config), config)
+
+
+def made_module(config, module, names):
+    """Any module of a configuration, with ports of some names. Raises: UserError."""
+    return _made(make_module, module, config, names)
+
+
+def _made(make, *arguments):
     try:
-        return make_core(module or main_module(config), config, names)
+        return make(*arguments)
     except ValueError as error:
         raise UserError(str(error)) from None

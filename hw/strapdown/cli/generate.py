@@ -15,7 +15,7 @@ from .common import (
     command_line,
     config_options,
     configured,
-    core_of,
+    made_module,
     named_configuration,
     target_of,
     writing,
@@ -47,10 +47,10 @@ def generate(target, config_name, changes, modules, names, output):
         folder, options = f"{folder}-{names.name}", (*options, "--ports", names.name)
     directory = output or Path("build/verilog") / folder
     for name in modules or modules_of(config):
-        core = core_of(config, name, names)
+        module = made_module(config, name, names)
         with writing(directory):
-            path = write_core(core, config, directory, command_line("generate", *options, "--module", name))
-        click.echo(f"{path}  {core.latency} cycles")
+            path = write_core(module, config, directory, command_line("generate", *options, "--module", name))
+        click.echo(f"{path}  {module.latency} cycles" if module.latency else path)
 
 
 @click.command()

@@ -5,6 +5,8 @@ from .catalogue import *
 from .core import *
 from .flight import *
 from .link import *
+from .optical import *
+from .optical_update import *
 from .port_names import *
 from .quaternion import *
 from .sins import *

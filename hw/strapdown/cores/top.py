@@ -257,6 +257,11 @@ class Top(Described):
         """Latency of the component in clock cycles."""
         return self._component.latency
 
+    @property
+    def interval(self):
+        """Cycles from one update to the next, if they follow each other."""
+        return self.latency
+
     def elaborate(self, platform):
         control, component = self._control, self._component
         reset = getattr(self, control.reset.name)

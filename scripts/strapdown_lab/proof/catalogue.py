@@ -112,8 +112,9 @@ def properties() -> Iterator[Property]:
                 yield result(entry.claim, entry.component, parameters, options)
     for config in CONFIGS.values():
         for module in modules_of(config):
-            yield from sequencer(module, config)
+            if module not in config.assemblies():
+                yield from sequencer(module, config)
     for config in CONFIGS.values():
-        if config.channels == 1:
+        if config.channels == 1 and not config.assemblies():
             several = config.replace(channels=8)
             yield from sequencer(main_module(several), several)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from strapdown.cores import Core
 from strapdown.export import verilog_text, write_core
 from strapdown.export.backend import to_verilog
 from strapdown.export.verilog import versions
@@ -84,9 +85,10 @@ def core_design(entry: CoreEntry, build: Path) -> Design:
     text = core_circuit(core, entry.config)
     path = write_core(core, entry.config, build / "verilog" / entry.config.name,
                       f"strapdown generate --config {entry.config.name} --module {entry.module}")
-    counted = simulated_cycles(core, path, build / "sim")
-    if counted != (core.latency, getattr(core.engine, "interval", core.latency)):
-        raise RuntimeError(f"{entry.module} says {core.latency} cycles and takes {counted}")
+    counted = core.latency, core.interval
+    # The inputs of other modules are not numbers: their tests count the cycles.
+    if isinstance(core, Core) and (found := simulated_cycles(core, path, build / "sim")) != counted:
+        raise RuntimeError(f"{entry.module} says {counted} cycles and takes {found}")
     return Design({
         "module": entry.module, "config": entry.config.name, "latency": counted[0], "cycles": counted[1],
         "verilog_sha256": digest(text)}, text, entry.module, entry.placed, walked=True)

@@ -21,11 +21,11 @@ BUDGETS = {
 
 
 @pytest.mark.parametrize("config", BUDGETS)
-def test_core_stays_within_its_budget(config, root, make_core, request):
+def test_core_stays_within_its_budget(config, root, make_module, request):
     entry = next(entry for entry in CORES if entry.config.name == config)
-    core = make_core(entry.module, entry.config)
+    core = make_module(entry.module, entry.config)
     resources = _resources(core_circuit(core, entry.config), entry, root, request)
-    taken = vars(resources) | {"cycles": getattr(core.engine, "interval", core.latency)}
+    taken = vars(resources) | {"cycles": core.interval}
     assert {kind: taken[kind] for kind, most in BUDGETS[config].items() if taken[kind] > most} == {}
 
 
