@@ -74,6 +74,7 @@ faults: setup ## Flip COUNT bits of a core during a recording; CONFIG, SEED, ONL
 
 accuracy: $(VENV)/ready-accuracy ## Errors of attitude filters on real recordings, and of the optical sensor, for `make docs`; RECORDINGS=folder.
 	$(BIN)/python -m strapdown_lab.studies.optical
+	$(BIN)/python -m strapdown_lab.studies.optical_pins
 	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
 	mkdir -p docs/report && cp build/accuracy/accuracy.json build/accuracy/accuracy.png docs/report
 

@@ -27,6 +27,8 @@ from strapdown_lab.proof import mutation
 from strapdown_lab.proof.__main__ import main as proof
 from strapdown_lab.proof.solver import Outcome as Proof
 from strapdown_sim.drivers.faults import FaultModel, Outcome, Verdict
+from strapdown_sim.drivers.optical import ANGLES
+from strapdown_sim.drivers.pins import Line, PinInterface, PinRun
 from strapdown_sim.drivers.storage import REGISTER, Storage
 from strapdown_sim.instrument.calibration import SET_B
 from strapdown_sim.reference.optical import pixels_of_angles
@@ -83,6 +85,22 @@ class TwinModel:
 
     def differing_bits(self, inputs, result):
         return 0
+
+
+class SilentPins:
+    """Two lines, whose updates give zero, in place of the Verilated circuit."""
+
+    def __init__(self, verilog, modules, build, **options):
+        self.interface = PinInterface("bench", tuple(port.name for port in modules["OPT_top"]), ())
+
+    def run(self, actions, image, *, cycles, delay, progress):
+        lines = [[Line(ccd, number, 0, 10**9 * number, 10**9 * number + 10**8) for number in range(2)]
+                 for ccd in range(2)]
+        words = np.array([[image(line) for line in own] for own in lines])
+        progress(cycles)
+        zero = np.zeros(2, int)
+        return PinRun((lines[0], lines[1]), dict.fromkeys((*ANGLES, "out_status", "out_line"), zero) | {
+            "cycle": np.array([cycles // 2, cycles])}, words, words, np.array([[0, 1]] * 2), b"", zero, zero, [])
 
 
 class UpsetNothing:
@@ -151,6 +169,21 @@ def calibration(words, place):
                                                   encoding="utf-8")
     place.invoke(main, words[1:])
     assert (place.folder / "build" / "calibration" / "calibration.json").exists()
+
+
+def optical(words, place):
+    """Run light through the sensor."""
+    lines = np.zeros((2, 3, 2048), np.uint16)
+    np.savez(place.folder / "lines.npz", roll=lines[0], pitch=lines[1])
+    file = place.folder / "build" / "calibration" / "calibration.json"
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps({"words": {port: {"value": value} for port, value in SET_B.ports().items()}}),
+                    encoding="utf-8")
+    place.stand_in("strapdown_sim.drivers.optical.PinDriver", SilentPins)
+    # The Verilog would take most of the time; other tests make and compare it.
+    place.stand_in("strapdown.export.verilog.to_verilog", empty_verilog)
+    place.invoke(main, words[1:])
+    assert (place.folder / "build" / "optical" / "summary.json").exists()
 
 
 def with_names(words, place):
@@ -276,8 +309,8 @@ def recipe(words, place):
             proofs(rest, place)
         case ["python", "-m", "strapdown_lab.faults", *rest]:
             faults(rest, place)
-        case ["python", "-m", "strapdown_lab.studies.optical"]:
-            # tests/lab/test_optical.py measures some of its figures.
+        case ["python", "-m", "strapdown_lab.studies.optical" | "strapdown_lab.studies.optical_pins"]:
+            # tests/lab/test_optical.py measures some of their figures.
             pass
         case ["python", "-m", "strapdown_lab.docs"]:
             # tests/test_readme.py and tests/lab compare its output.
@@ -301,6 +334,7 @@ RULES = {
     r"strapdown (?:operators DIR|replay RECORDING .*)": with_names,
     r"strapdown (?:generate|replay|explain|schedule|design|link|operators) .*": strapdown,
     r"strapdown calibrate .*": calibration,
+    r"strapdown optical(?: .*)?": optical,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
     r"scripts/\S+\.py": lambda words, place: (ROOT / words[0]).read_text(encoding="utf-8"),
     # A test builds the wheel and installs it: tests/test_package.py.

@@ -41,6 +41,7 @@ from .studies.accuracy import figure_table
 from .studies.airliner import airliner_table
 from .studies.flight_parts import parts_table
 from .studies.optical import flights_table, geometry_lines, positions_table
+from .studies.optical_pins import pins_table, rules_table
 from .studies.pole import POLE_CORES, pole_errors
 
 
@@ -219,6 +220,12 @@ def optical_blocks():
     return {"flights": flights_table(result), "positions": positions_table(result), "geometry": geometry_lines(result)}
 
 
+def optical_pin_blocks():
+    """Tables of the runs from the pins in docs/optical.md, by the name of their block."""
+    result = json.loads((ROOT / "docs" / "report" / "optical_pins.json").read_text(encoding="utf-8"))
+    return {"pins": pins_table(result), "rules": rules_table()}
+
+
 def parts_block():
     """Table of the parts of the flight filter."""
     return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
@@ -263,6 +270,8 @@ def main():
         write_blocks(ROOT / "docs" / "sins.md", {"airliner": airliner_block()})
     if (figures / "optical.json").exists():
         write_blocks(ROOT / "docs" / "optical.md", optical_blocks())
+    if (figures / "optical_pins.json").exists():
+        write_blocks(ROOT / "docs" / "optical.md", optical_pin_blocks())
     if (figures / "flight_parts.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"parts": parts_block()})
 

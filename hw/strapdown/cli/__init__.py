@@ -18,6 +18,7 @@ from .design import design
 from .explain import explain, schedule
 from .generate import generate, link, operators
 from .monitor import monitor
+from .optical import optical
 from .replay import replay
 
 __all__ = ["UserError", "main"]
@@ -79,5 +80,6 @@ def main():
             stream.reconfigure(errors="replace")
 
 
-for command in list_configurations, generate, operators, link, replay, monitor, design, calibrate, schedule, explain:
+for command in (list_configurations, generate, operators, link, replay, optical, monitor, design, calibrate, schedule,
+                explain):
     main.add_command(command)

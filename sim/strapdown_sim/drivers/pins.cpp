@@ -37,6 +37,7 @@ template <typename Words> struct Channel {
     uint32_t number;
     Words &image;
     uint32_t transfers = 0, samples = 0, violations[2] = {0, 0};
+    // Samples of the ADC since the last event: cycle, slot of 16 bits, word of 12.
     std::vector<uint64_t> taken;
 
     void deliver() {
@@ -45,7 +46,6 @@ template <typename Words> struct Channel {
     }
 
     void transfer(uint32_t count, uint64_t opened, uint64_t closed) {
-        deliver();
         transfers = count;
         uint64_t words[] = {count, opened, closed};
         record(TRANSFER, number, words, 3);
@@ -67,7 +67,7 @@ template <typename Words> struct Channel {
         channel.transfer(dut->transfers_##side, dut->opened_##side, dut->closed_##side);                        \
     if (dut->samples_##side != channel.samples) {                                                               \
         channel.samples = dut->samples_##side;                                                                  \
-        channel.taken.push_back(uint64_t(dut->slot_##side) << 16 | dut->word_##side);                           \
+        channel.taken.push_back(cycle << 28 | uint64_t(dut->slot_##side) << 12 | dut->word_##side);                           \
     }                                                                                                           \
     if (dut->ccd_violations_##side != channel.violations[0])                                                    \
         channel.violated(0, dut->ccd_violations_##side, dut->ccd_violated_##side);                              \
@@ -112,6 +112,8 @@ int main() {
 #define OUTPUT(port) *row++ = dut->port;
             OUTPUTS
 #undef OUTPUT
+            roll.deliver();
+            pitch.deliver();
             record(EVENT, 0, out, OUTPUT_COUNT);
             events++;
         }
@@ -135,8 +137,6 @@ int main() {
         }
 #endif
     }
-    roll.deliver();
-    pitch.deliver();
     dut->final();
     fflush(stdout);
     delete dut;

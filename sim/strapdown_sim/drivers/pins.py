@@ -26,7 +26,11 @@ SIDES = "r", "p"
 
 FAULTS = {"lost_clock": 1, "stuck": 2, "stuck_word": 12}
 """Inputs of the bench that put faults between the pins, and their bits. ``lost_clock``: the sensor clock stays low.
-``stuck``: the data pins of the ADC of roll (bit 0) or pitch (bit 1) are ``stuck_word``, or its lowest bit."""
+``stuck``: the data pins of the ADC of roll (bit 0) or pitch (bit 1) are ``stuck_word``, or its lowest bit; so are the
+words that it seems to sample."""
+
+PICO = 10**12
+"""Picoseconds in a second."""
 
 TIMESCALE = "`timescale 1ps / 1ps\n"
 
@@ -63,34 +67,28 @@ class Line:
         Sensor: 0 for roll, 1 for pitch; number of the line, the first is 0.
     cycle : int
         Clock cycle in which it was moved into the register.
-    opened_s, closed_s : float
-        Start and end of the exposure, in seconds since the run began. The start is zero if nothing marked it.
+    opened_ps, closed_ps : int
+        Start and end of the exposure, in picoseconds since the run began. The start is zero if nothing marked it.
     image : ndarray of uint16, shape (pixels,)
         The light, in counts.
-    slots : ndarray of int, shape (N,)
-        Slots of the register that the ADC has sampled.
-    words : ndarray of uint16, shape (N,)
-        The ADC's words of these samples.
     """
 
     ccd: int
     number: int
     cycle: int
-    opened_s: float
-    closed_s: float
+    opened_ps: int
+    closed_ps: int
     image: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint16))
-    slots: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    words: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint16))
 
     @property
     def exposure_s(self):
         """Length of the exposure in seconds."""
-        return self.closed_s - self.opened_s
+        return (self.closed_ps - self.opened_ps) / PICO
 
     @property
     def middle_s(self):
         """Middle of the exposure, in seconds since the run began."""
-        return (self.closed_s + self.opened_s) / 2
+        return (self.closed_ps + self.opened_ps) / (2 * PICO)
 
 
 @dataclass
@@ -103,6 +101,11 @@ class PinRun:
         Lines of the roll and of the pitch sensor.
     events : dict
         Each output to its values at the events, shape (N,) of uint64; and ``cycle``.
+    words, slots : ndarray of uint16, shape (2, N, pixels)
+        Last words that the ADCs of roll and pitch have sampled before each event, with the slots of the sensors at that
+        time.
+    line_of_event : ndarray of int, shape (2, N)
+        Number of the last Line of each sensor before the first of these samples; -1 if there was none.
     bytes : bytes
         What the serial line has sent.
     byte_cycles : ndarray of int
@@ -114,10 +117,19 @@ class PinRun:
 
     lines: tuple[list[Line], list[Line]]
     events: dict[str, np.ndarray]
+    words: np.ndarray
+    slots: np.ndarray
+    line_of_event: np.ndarray
     bytes: bytes
     byte_cycles: np.ndarray
     middles: np.ndarray
     violations: list[Violation]
+
+
+def _stacked(rows, pixels):
+    """Rows of both sensors as one array; zeros before those that are short."""
+    return np.array([[np.pad(row, (pixels - len(row), 0)) for row in own] for own in rows],
+                    dtype=np.uint16).reshape(2, -1, pixels)
 
 
 @dataclass(frozen=True)
@@ -220,15 +232,15 @@ def bench_text(name: str, modules: dict[str, Sequence[Port]], sensor: str, adc: 
             "level": f"level_{side}", "changed": f"changed_{side}", "slot": f"slot_{side}",
             "transfers": f"transfers_{side}", "opened": f"opened_{side}", "closed": f"closed_{side}",
             "violated": f"ccd_violated_{side}", "violations": f"ccd_violations_{side}"}, LINES=lines))
-        data = "sdata" if adc == "spi" else "data"
-        bits = 1 if adc == "spi" else 12
-        text.append(f"  wire [{bits - 1}:0] sent_{side};\n"
-                    f"  assign adc_{data}_{side} = stuck[{bit}] ? stuck_word[{bits - 1}:0] : sent_{side};\n")
+        data, bits, stuck = ("sdata", 1, "{12{stuck_word[0]}}") if adc == "spi" else ("data", 12, "stuck_word")
+        text.append(f"  wire [{bits - 1}:0] sent_{side};\n  wire [11:0] sample_{side};\n"
+                    f"  assign adc_{data}_{side} = stuck[{bit}] ? stuck_word[{bits - 1}:0] : sent_{side};\n"
+                    f"  assign word_{side} = stuck[{bit}] ? {stuck} : sample_{side};\n")
         serial = {"cs_n": "adc_cs_n", "sclk": "adc_sclk"} if adc == "spi" else {"clk": "adc_clk"}
         text.append(converter.instance(f"adc_{side}", serial | {
             "observe": "clk", "level": f"level_{side}", "changed": f"changed_{side}",
             "quiet": f"ccd_sh_{side}" if "ccd_icg" in pins else "1'b0", data: f"sent_{side}",
-            "word": f"word_{side}", "samples": f"samples_{side}", "violated": f"adc_violated_{side}",
+            "word": f"sample_{side}", "samples": f"samples_{side}", "violated": f"adc_violated_{side}",
             "violations": f"adc_violations_{side}"},
             SETTLE_MIN=model.settle_ns, GUARD_MIN=model.guard_ns,
             **({} if adc == "spi" else {"LATENCY": adc_latency})))
@@ -315,7 +327,8 @@ class PinDriver(VerilatedModel):
             super().__init__(path, interface, build)
 
     def run(self, actions: Sequence[tuple[int, str, int]], image: Callable[[Line], np.ndarray], *,
-            cycles: int, events: int | None = None, progress: Callable[[int], object] | None = None) -> PinRun:
+            cycles: int, events: int | None = None, delay: int = 0,
+            progress: Callable[[int], object] | None = None) -> PinRun:
         """A run from power-up.
 
         Parameters
@@ -326,6 +339,8 @@ class PinDriver(VerilatedModel):
             Gives the pixels of a Line, integers of 12 bits, when it is moved into the register.
         cycles, events : int
             Clock cycles, and number of events, after which the run ends.
+        delay : int
+            Cycles from the last sample of a line to the event.
         progress : callable or None
             Called with the clock cycle at each line.
 
@@ -339,7 +354,10 @@ class PinDriver(VerilatedModel):
         cycles_of: dict[int, list[int]] = {EVENT: [], BYTE: [], MIDDLE: []}
         received = bytearray()
         violations: list[Violation] = []
-        second = 1e-12
+        words: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+        slots: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+        line_of: tuple[list[int], list[int]] = ([], [])
+        waiting = [np.zeros(0, np.uint64)] * 2
         with subprocess.Popen([self._executable], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
             assert process.stdin is not None
             assert process.stdout is not None
@@ -349,10 +367,10 @@ class PinDriver(VerilatedModel):
                 process.stdin.flush()
                 while head := process.stdout.read(HEAD.size):
                     kind, number, cycle, count = HEAD.unpack(head)
-                    words = np.frombuffer(process.stdout.read(8 * count), dtype="<u8")
+                    row = np.frombuffer(process.stdout.read(8 * count), dtype="<u8")
                     if kind == TRANSFER:
-                        total, opened, closed = words.tolist()
-                        line = Line(number, total - 1, cycle, opened * second, closed * second)
+                        total, opened, closed = row.tolist()
+                        line = Line(number, total - 1, cycle, opened, closed)
                         line.image = np.ascontiguousarray(image(line), dtype="<u2")
                         lines[number].append(line)
                         process.stdin.write(line.image.tobytes())
@@ -360,15 +378,20 @@ class PinDriver(VerilatedModel):
                         if progress:
                             progress(cycle)
                     elif kind == SAMPLES:
-                        if lines[number]:
-                            lines[number][-1].slots = (words >> 16).astype(int)
-                            lines[number][-1].words = (words & 0xFFFF).astype(np.uint16)
+                        taken = np.concatenate([waiting[number], row])
+                        count = int(np.searchsorted(taken >> 28, cycle - delay, side="right"))
+                        used, waiting[number] = taken[max(count - interface.pixels, 0):count], taken[count:]
+                        words[number].append((used & 0xFFF).astype(np.uint16))
+                        slots[number].append((used >> 12 & 0xFFFF).astype(np.uint16))
+                        begun = int(used[0]) >> 28 if len(used) else 0
+                        line_of[number].append(next((line.number for line in reversed(lines[number])
+                                                     if line.cycle < begun), -1))
                     elif kind == VIOLATION:
-                        violations.append(self._violation(cycle, number, *words.tolist()))
+                        violations.append(self._violation(cycle, number, *row.tolist()))
                     else:
                         cycles_of[kind].append(cycle)
                         if kind == EVENT:
-                            found.append(words)
+                            found.append(row)
                         elif kind == BYTE:
                             received.append(number >> 1 & 0xFF)
             except BaseException:
@@ -378,7 +401,8 @@ class PinDriver(VerilatedModel):
             raise RuntimeError(f"the bench ended early, status {process.returncode}")
         values = np.array(found, dtype=np.uint64).reshape(-1, len(interface.outputs))
         answer = {name: values[:, column] for column, name in enumerate(interface.outputs)}
-        return PinRun(lines, {"cycle": np.array(cycles_of[EVENT]), **answer}, bytes(received),
+        return PinRun(lines, {"cycle": np.array(cycles_of[EVENT]), **answer}, _stacked(words, interface.pixels),
+                      _stacked(slots, interface.pixels), np.array(line_of), bytes(received),
                       np.array(cycles_of[BYTE]), np.array(cycles_of[MIDDLE]), violations)
 
     def _rows(self, actions: Sequence[tuple[int, str, int]]) -> np.ndarray:

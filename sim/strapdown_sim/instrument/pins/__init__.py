@@ -12,6 +12,8 @@ class PinModel:
 
     Attributes
     ----------
+    title : str
+        Name of the part.
     module : str
         Module, and file without its suffix.
     rules : tuple of str
@@ -23,6 +25,7 @@ class PinModel:
         from a sample; 0: none.
     """
 
+    title: str
     module: str
     rules: tuple[str, ...]
     parameters: dict[str, int] = field(default_factory=dict)
@@ -52,21 +55,21 @@ _ST_CLK = (
 
 SENSORS = {
     # 0.8 to 4 MHz. Half a pixel at 4 MHz is taken as the time to settle: the data sheet has no figure.
-    "tcd1304": PinModel("ccd_sh_icg", _SH_ICG, {"INVERT": 1}, settle_ns=500, guard_ns=50),
+    "tcd1304": PinModel("TCD1304", "ccd_sh_icg", _SH_ICG, {"INVERT": 1}, settle_ns=500, guard_ns=50),
     # 0.2 to 10 MHz. The least times of ST are usual figures; the data sheet was not seen.
-    "s11639": PinModel("ccd_st_clk", _ST_CLK, settle_ns=60),
+    "s11639": PinModel("S11639", "ccd_st_clk", _ST_CLK, settle_ns=60),
     # Data sheet: to 8 MHz; pulses of CLK 50 ns; setup 20 ns, hold 0 ns; settles to 1 % in 120 ns; 20 us between lines.
-    "tsl1402": PinModel("ccd_st_clk", _ST_CLK, {
+    "tsl1402": PinModel("TSL1402", "ccd_st_clk", _ST_CLK, {
         "PIXELS": 256, "LEAD": 0, "START_SAMPLED": 1, "EXPOSURE_CLOCKS": 18, "CLOCK_MIN": 125, "CLOCK_MAX": 200_000,
         "PULSE_MIN": 50, "LINE_MIN": 257, "LINE_EXTRA": 20_000}, settle_ns=120),
 }
 """Line sensors, by the names of the presets."""
 
 ADCS = {
-    "spi": PinModel("adc_ad7476a", (
+    "spi": PinModel("AD7476A", "adc_ad7476a", (
         "period of SCLK", "SCLK high, SCLK low", "CS falls, SCLK falls: t2", "CS high: t1", "quiet time",
         "1 MS/s", "16 SCLK a conversion", "video has settled", "video holds", "no edge of SH at a sample")),
-    "parallel": PinModel("adc_parallel", (
+    "parallel": PinModel("parallel ADC", "adc_parallel", (
         "period of CLK", "CLK high, CLK low", "video has settled", "video holds", "no edge of SH at a sample")),
 }
 """ADCs, by their interface."""

@@ -1,0 +1,154 @@
+"""The command ``strapdown optical``."""
+
+import json
+import math
+from pathlib import Path
+
+import click
+
+from strapdown.blocks import SENSORS
+from strapdown.config import ConfigError
+from strapdown.cores import CONFIGS, OpticalConfig
+
+from .common import UserError, config_options, target_of, writing
+from .progress import progress_bars
+
+__all__ = ["optical"]
+
+DEFAULT = "optical_s11639"
+
+
+@click.command()
+@click.argument("source", default="f", metavar="[FLIGHT|FILE]")
+@config_options
+@click.option("--lines", type=click.IntRange(min=2), default=None, metavar="N",
+              help="Lines to run.  [default: 200, or all lines of FILE]")
+@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), default=None, metavar="S",
+              help="Time to run, in place of --lines.")
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/optical"),
+              show_default=True, help="Folder for the results (PNG, CSV, JSON) and the Verilog.")
+@click.option("--camera", multiple=True, metavar="FIELD=VALUE",
+              help="Change the light of a flight, as in --camera fringes=0.03. May be repeated. Fields: sigma_px, "
+                   "peak, offset, shot_electrons, read_counts, prnu, fringes, fringe_px, lag, transfer, ambient, "
+                   "gradient, ghost, ghost_px, smear, laser.")
+@click.option("--calibration", type=click.Path(exists=True, dir_okay=False, path_type=Path), default=None,
+              metavar="FILE", help="calibration.json of 'strapdown calibrate optical'.  "
+                                   "[default: the right words of a flight]")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
+@click.option("--show", "shown", type=click.IntRange(min=0), default=None, metavar="N",
+              help="Update whose lines are drawn.  [default: the middle one]")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
+              show_default=True, help="Folder that keeps the compiled simulation models.")
+def optical(source, config_name, changes, lines, seconds, output, camera, calibration, seed, shown, build):
+    """Run light through OPT_top in Verilator, from the pins of sensors and ADCs to the serial line.
+
+    FLIGHT is a letter from a to g: the rotor of the gyro, rays of light and noise make each line, and the models of
+    sensors and ADCs check the timing at their pins. FILE holds recorded lines: .npz with the arrays roll and pitch, a
+    row for each line; or .csv or .png, whose rows have the pixels of the roll sensor and then those of the pitch
+    sensor. The default is flight f. The configuration is optical_s11639 unless --config names another one.
+
+    Pictures in the folder: lines.png shows lines with threshold, run and centre of gravity; angles.png the angles and
+    their errors; budget.png the parts of the error; exposure.png exposure, peak and status. angles.csv and summary.json
+    have the numbers.
+
+    A run takes about a second for each million clock cycles or two. A slower clock with the same sensor saves time, as
+    in --set clock_hz=20e6.
+    """
+    from strapdown_sim.drivers.toolchain import SimulatorMissingError
+    from strapdown_sim.instrument.errors import InstrumentError
+    from strapdown_sim.optical import optical as run
+    from strapdown_sim.recordings import RecordingError
+
+    config, _, options = target_of(None, config_name or DEFAULT, changes)
+    if not isinstance(config, OpticalConfig):
+        optical_ones = [name for name, own in CONFIGS.items() if isinstance(own, OpticalConfig)]
+        raise UserError(f"configuration {config.name} has no OPT_top: choose from {', '.join(optical_ones)}")
+    if lines is not None and seconds is not None:
+        raise UserError("--lines and --seconds exclude each other: give only one of them")
+    if seconds is not None:
+        lines = max(2, math.ceil(seconds * config.sample_rate_hz))
+    labels = {"build": "generate and compile", "simulate": "simulate, lines", "compare": "compare and draw"}
+    with progress_bars() as bars:
+        tasks = {}
+
+        def progress(stage, done, total):
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(labels[stage], total=total)
+            bars.update(tasks[stage], completed=done)
+
+        try:
+            light, lines = _source(source, config, lines, camera, calibration, seed)
+            with writing(output, build):
+                summary = run(light, config, output, lines=lines, build=build, shown=shown, progress=progress,
+                              command=("strapdown", "generate", *options, "--module", "OPT_top"))
+        except (SimulatorMissingError, ConfigError, InstrumentError, RecordingError) as error:
+            raise UserError(str(error)) from None
+    _print_summary(summary, output)
+
+
+def _source(source, config, lines, camera, calibration, seed):
+    """The Source, and the number of lines to run. Raises: UserError, InstrumentError, RecordingError."""
+    from strapdown_sim.instrument.flights import FLIGHTS
+    from strapdown_sim.instrument.scene import Scene, camera_options
+    from strapdown_sim.optical import recorded_source, scene_source
+    from strapdown_sim.recordings.lines import read_lines
+
+    sensor = SENSORS[config.sensor]
+    words = None if calibration is None else _calibration(calibration)
+    if source in FLIGHTS:
+        flight, lines = FLIGHTS[source], lines or 200
+        duration_s = (lines + 2) / config.sample_rate_hz
+        if duration_s > flight.duration_s:
+            raise UserError(f"flight {source} lasts {flight.duration_s:g} s, and {lines} lines take {duration_s:g} s")
+        scene = Scene(flight, pixels=sensor.pixels, pitch_um=sensor.pitch_um, duration_s=duration_s, seed=seed,
+                      exposure_s=config.exposure_us * 1e-6, camera=camera_options(camera))
+        return scene_source(f"flight {source}, {flight.title}", scene, words), lines
+    path = Path(source)
+    if not path.is_file():
+        raise UserError(f"there is no flight and no file {source!r}: flights are {', '.join(FLIGHTS)}")
+    if camera:
+        raise UserError("--camera changes the light of a flight, and recorded lines have their own")
+    recorded = read_lines(path, sensor.pixels)
+    return recorded_source(path.name, recorded, sensor, words), lines or recorded.shape[1]
+
+
+def _calibration(path):
+    """The Calibration in a JSON file. Raises: UserError."""
+    from strapdown_sim.instrument.calibration import Calibration
+
+    try:
+        words = json.loads(path.read_text(encoding="utf-8"))["words"]
+        return Calibration(**{port.removeprefix("in_"): float(word["value"]) for port, word in words.items()})
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise UserError(f"{path} is not a calibration.json of 'strapdown calibrate optical'") from None
+
+
+def _print_summary(summary, output):
+    """The short table at the end of a run."""
+    frames, status = summary["frames"], summary["updates_by_status"]
+    rows = [("source", summary["source"]),
+            ("configuration", f"{summary['config']}, {summary['sensor']}, {summary['line_rate_hz']:g} Hz"),
+            ("updates", f"{summary['updates']:,}"),
+            ("cycles from last pixel to angles", f"{summary['cycles_from_last_pixel_to_angles']:,}"),
+            ("bits that differ from the twin", str(summary["bits_differing_from_twin"])),
+            ("frames received", f"{frames['received']:,}, {frames['lost']} lost, {frames['crc_errors']} CRC errors, "
+                                f"{frames['differing_from_twin']} different from the twin"),
+            ("violations of the sensors' timing", str(len(summary["timing_violations"])))]
+    rows += [(f"updates with status: {name.replace('_', ' ')}", f"{count:,}")
+             for name, count in status.items() if count]
+    for axis, error in summary.get("position_error_px", {}).items():
+        rows.append((f"error of the position, {axis}", _figures(error, " px", ".3f")))
+    for name, label in ("total", "error of the angles"), ("arithmetic", "of this, arithmetic"):
+        for axis, error in summary["error_deg"].get(name, {}).items():
+            rows.append((f"{label}, {axis}", _figures(error, "°", ".6f")))
+    rows.append(("written to", str(output)))
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        click.echo(f"{name:<{width}}  {value}")
+
+
+def _figures(error, unit, form):
+    """RMS and largest value, or a dash."""
+    if error["max"] is None:
+        return "–"
+    return f"{error['rms']:{form}}{unit} RMS, {error['max']:{form}}{unit} at most"

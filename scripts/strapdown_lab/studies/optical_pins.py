@@ -1,0 +1,117 @@
+"""OPT_top from the pins of sensors and ADCs over thousands of lines: bits against the twin, angles against the truth.
+
+`make accuracy` runs the script, which writes docs/report/optical_pins.json and a table of docs/optical.md. It takes
+some minutes: a line of TCD1304 has 740,000 clock cycles.
+"""
+
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from strapdown.blocks import SENSORS
+from strapdown.cores import CONFIGS, OpticalConfig
+from strapdown.link import FrameDecoder
+from strapdown_lab.checkout import ROOT, write_blocks
+from strapdown_lab.markdown import markdown_table
+from strapdown_sim.drivers.optical import PinBench
+from strapdown_sim.instrument.flights import FLIGHTS
+from strapdown_sim.instrument.pins import ADCS
+from strapdown_sim.instrument.pins import SENSORS as MODELS
+from strapdown_sim.instrument.scene import Scene
+from strapdown_sim.optical import errors_of, inertial_samples, scene_source
+
+__all__ = ["RUNS", "Run", "measured", "pins_table", "rules_table", "run_from_pins"]
+
+FLIGHT = "f"
+
+
+class Run(NamedTuple):
+    """Lines of a configuration in Verilator, and how many of them run in Icarus Verilog too."""
+
+    config: str
+    lines: int
+    icarus: int
+
+
+RUNS = Run("optical_s11639", 10_000, 10), Run("optical_tcd1304", 300, 1)
+
+
+def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
+    """Figures of a run, as JSON values."""
+    config = CONFIGS[run.config]
+    assert isinstance(config, OpticalConfig)
+    bench, sensor = PinBench(config, build), SENSORS[config.sensor]
+    scene = Scene(FLIGHTS[FLIGHT], pixels=sensor.pixels, pitch_um=sensor.pitch_um, exposure_s=config.exposure_us * 1e-6,
+                  duration_s=(run.lines + 2) / config.sample_rate_hz)
+    source = scene_source(FLIGHT, scene)
+    found = bench.run(run.lines, scene.image, calibration=source.calibration.ports(),
+                      inertial=inertial_samples(scene, bench, run.lines))
+    twin, spots = bench.twin(found)
+    _, parts, _ = errors_of(source, found, spots)
+    decoder = FrameDecoder(every=config.send_every)
+    frames = [*decoder.feed(found.pins.bytes), *decoder.finish()]
+    middles = [np.array([pair[ccd].middle_s for pair in found.seen]) for ccd in range(2)]
+    true = scene.at(middles[0]).roll_px, scene.at(middles[1]).pitch_px
+    position = np.concatenate([(own.position / 4096 - px)[own.good] for own, px in zip(spots, true, strict=True)])
+    return {
+        "config": run.config, "flight": FLIGHT, "lines": run.lines, "updates": len(found.cycle),
+        "seconds": run.lines / config.sample_rate_hz, "icarus_lines": run.icarus,
+        "icarus_differences": _icarus_differences(bench, scene, source, run.icarus),
+        "differing_bits": bench.differing_bits(found, twin), "timing_violations": len(found.pins.violations),
+        "frames": len(frames), "frames_lost": decoder.lost, "frames_differing": bench.frames_differing(frames, twin),
+        "line_periods": sorted({int(period) for period in np.diff(found.cycle)}),
+        "position_rms_px": _rms(position),
+        "errors_deg": {name: {"largest": float(np.abs(part).max()), "rms": _rms(np.array(part))}
+                       for name, part in parts.items()}}
+
+
+def _icarus_differences(bench, scene, source, lines):
+    """Number of values of all outputs, at the finishes of some lines, that differ between Icarus and Verilator."""
+    inertial = inertial_samples(scene, bench, lines)
+    found = bench.run(lines, scene.image, calibration=source.calibration.ports(), inertial=inertial)
+    with TemporaryDirectory() as folder:
+        events = bench.driver.events_in_icarus(bench.actions(source.calibration.ports(), inertial), found.pins,
+                                               Path(folder), cycles=bench.cycles(lines))
+    return sum(int((values != found.pins.events[name]).sum()) for name, values in events.items())
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def measured(build: Path) -> dict[str, Any]:
+    """All figures of the study."""
+    return {"runs": [run_from_pins(run, build) for run in RUNS]}
+
+
+def pins_table(result: dict[str, Any]) -> str:
+    """The runs as a Markdown table."""
+    return markdown_table(
+        ["configuration", "lines:", "bits that differ from the twin:", "violations of the timing:",
+         "frames lost or different:", "lines in Icarus:", "differences in Icarus:", "position, px rms:",
+         "circuit − float64:", "float64 − physics:", "circuit − truth:"],
+        [[f"`{row['config']}`", f"{row['lines']:,}", row["differing_bits"], row["timing_violations"],
+          row["frames_lost"] + row["frames_differing"], row["icarus_lines"], row["icarus_differences"],
+          f"{row['position_rms_px']:.3f}",
+          *(f"{row['errors_deg'][part]['largest']:.2g}°" for part in ("arithmetic", "equations", "total"))]
+         for row in result["runs"]])
+
+
+def rules_table() -> str:
+    """The rules that the models of sensors and ADCs check, as a Markdown table."""
+    return markdown_table(["model", "rules"], [
+        [model.title, "; ".join(model.rules)] for model in (*MODELS.values(), *ADCS.values())])
+
+
+def main():
+    """Measure, and write the JSON file and the table."""
+    result = measured(ROOT / "build" / "sim" / "verilated")
+    (ROOT / "docs" / "report" / "optical_pins.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    write_blocks(ROOT / "docs" / "optical.md", {"pins": pins_table(result), "rules": rules_table()})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""``strapdown optical``: flights and recorded lines through OPT_top, files, pictures, and errors in one line."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from matplotlib.image import imsave
+
+from strapdown.cli import main
+from strapdown_sim.instrument.errors import InstrumentError
+from strapdown_sim.instrument.scene import camera_options
+from strapdown_sim.recordings import RecordingError
+from strapdown_sim.recordings.lines import FULL_SCALE, read_lines
+
+PIXELS = 2048
+
+
+def recorded():
+    """Four lines of each sensor with a spot, shape (2, 4, pixels)."""
+    place = np.arange(PIXELS)
+    spots = np.array([[900.25 + k, 1200.5 - k] for k in range(4)]).T
+    return np.rint(100 + 2800 * np.exp(-((place - spots[..., None]) / 4.6) ** 2 / 2)).astype(np.uint16)
+
+
+def invoke(*words):
+    return CliRunner().invoke(main, ["optical", *map(str, words)], catch_exceptions=False)
+
+
+def refused(*words):
+    """The line with which a command ends."""
+    result = invoke(*words)
+    assert result.exit_code == 2, result.output
+    assert result.stderr.count("\n") == 1
+    return result.stderr.removeprefix("strapdown: ").strip()
+
+
+# Whole runs.
+
+@pytest.mark.verilator
+def test_flight(tmp_path, models):
+    result = invoke("c", "--lines", 8, "--output", tmp_path, "--build", models, "--camera", "prnu=0.01",
+                    "--camera", "laser=true", "--show", 3)
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in tmp_path.iterdir()} >= {
+        "OPT_top.v", "OPT_top.json", "summary.json", "angles.csv", "lines.png", "angles.png", "exposure.png",
+        "budget.png"}
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["updates"] == 8
+    assert summary["bits_differing_from_twin"] == 0
+    assert summary["timing_violations"] == []
+    assert summary["frames"] == {"received": 7, "lost": 0, "crc_errors": 0, "differing_from_twin": 0}
+    assert summary["updates_with_both_spots"] == 7
+    # The parts of the error add up.
+    parts = summary["error_deg"]
+    for axis in "roll", "pitch":
+        assert parts["total"][axis]["max"] <= sum(
+            parts[name][axis]["max"] for name in ("light", "equations", "arithmetic")) + 1e-9
+        assert parts["total"][axis]["max"] < 0.01
+        assert summary["position_error_px"][axis]["max"] < 0.2
+    rows = (tmp_path / "angles.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0].split(",")[:3] == ["t", "roll", "pitch"]
+    assert len(rows) == 9
+    assert "bits that differ from the twin" in result.output
+
+
+@pytest.mark.verilator
+def test_recorded_lines(tmp_path, models):
+    roll, pitch = recorded()
+    np.savez(tmp_path / "lines.npz", roll=roll, pitch=pitch)
+    result = invoke(tmp_path / "lines.npz", "--output", tmp_path / "out", "--build", models)
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["updates"] == 4
+    assert summary["bits_differing_from_twin"] == 0
+    assert summary["updates_by_status"]["uncompensated"] == 4
+    assert summary["error_deg"].keys() == {"arithmetic"}
+    assert not (tmp_path / "out" / "budget.png").exists()
+    table = np.genfromtxt(tmp_path / "out" / "angles.csv", delimiter=",", names=True)
+    assert np.abs(table["roll_px"][1:] - [901.25, 902.25, 903.25]).max() < 0.01
+    assert np.abs(table["pitch_px"][1:] - [1199.5, 1198.5, 1197.5]).max() < 0.01
+    middle, scale = (PIXELS - 1) / 2, 14 / 25_000
+    assert np.abs(table["roll"][1:] - np.degrees(np.arctan((table["roll_px"][1:] - middle) * scale))).max() < 1e-4
+
+
+# Files of lines.
+
+def test_formats_of_lines(tmp_path):
+    lines = recorded()
+    rows = np.concatenate(list(lines), axis=1)
+    np.savez(tmp_path / "a.npz", roll=lines[0], pitch=lines[1])
+    np.savetxt(tmp_path / "a.csv", rows, fmt="%d", delimiter=",")
+    assert np.array_equal(read_lines(tmp_path / "a.npz", PIXELS), lines)
+    assert np.array_equal(read_lines(tmp_path / "a.csv", PIXELS), lines)
+    from PIL import Image
+
+    Image.fromarray(np.rint(rows * (65535 / FULL_SCALE)).astype(np.uint16)).save(tmp_path / "a.png")
+    assert np.array_equal(read_lines(tmp_path / "a.png", PIXELS), lines)
+
+
+def test_files_that_hold_no_lines(tmp_path):
+    def told(name, pixels=4):
+        with pytest.raises(RecordingError) as caught:
+            read_lines(tmp_path / name, pixels)
+        text = str(caught.value)
+        assert "\n" not in text
+        return text.removeprefix(f"{tmp_path / name}: ")
+
+    good = np.zeros((2, 4))
+    assert told("a.txt") == "suffix '.txt' is not known; lines are in .npz, .csv or .png files"
+    assert told("a.npz") == "No such file or directory"
+    (tmp_path / "a.npz").write_text("no archive", encoding="utf-8")
+    assert told("a.npz") == "not a NumPy archive of plain arrays; write it with numpy.savez"
+    np.savez(tmp_path / "b.npz", roll=good)
+    assert told("b.npz") == "no array 'pitch'; add it"
+    np.savez(tmp_path / "c.npz", roll=good, pitch=np.zeros((2, 5)))
+    assert told("c.npz") == "the pitch sensor has lines in shape (2, 5); the configuration's sensor needs (lines, 4)"
+    np.savez(tmp_path / "d.npz", roll=good + np.nan, pitch=good)
+    assert told("d.npz") == "the lines of the roll sensor must be finite numbers"
+    np.savez(tmp_path / "e.npz", roll=good + 5000, pitch=good)
+    assert told("e.npz") == "the roll sensor has counts from 5000 to 5000; they must be from 0 to 4095"
+    np.savez(tmp_path / "f.npz", roll=good, pitch=np.zeros((3, 4)))
+    assert told("f.npz") == "2 lines of the roll sensor and 3 of the pitch sensor; cut the longer one"
+    (tmp_path / "a.csv").write_text("1,2,x\n", encoding="utf-8")
+    assert told("a.csv").startswith("not a table of numbers: ")
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    assert told("a.png") == "not a PNG picture"
+    imsave(tmp_path / "b.png", np.zeros((2, 8, 3)))
+    assert told("b.png") == "the picture has colours; it must be grey"
+
+
+# Errors.
+
+def test_camera_options():
+    assert camera_options(["prnu=0.02", "laser=false"]) == {"prnu": 0.02, "laser": False}
+    for word, told in (
+            ("prnu", "the camera takes FIELD=VALUE, as in prnu=0.02, not 'prnu'"),
+            ("colour=1", "the camera has no field 'colour': choose from sigma_px, peak, "),
+            ("laser=1", "laser of the camera must be true or false, not '1'"),
+            ("prnu=much", "prnu of the camera must be a number, not 'much'"),
+            ("prnu=-1", "prnu of the camera must be a finite number from 0, not -1")):
+        with pytest.raises(InstrumentError) as caught:
+            camera_options([word])
+        assert str(caught.value).startswith(told)
+
+
+def test_commands_that_are_refused(tmp_path):
+    assert refused("x") == "there is no flight and no file 'x': flights are a, b, c, d, e, f, g"
+    assert refused("--config", "mahony") == (
+        "configuration mahony has no OPT_top: choose from optical_tcd1304, optical_s11639, optical_erected")
+    assert refused("--lines", 5, "--seconds", 1) == "--lines and --seconds exclude each other: give only one of them"
+    assert refused("a", "--seconds", 70).startswith("flight a lasts 60 s, and 140000 lines take ")
+    assert refused("--set", "trigger=external") == (
+        "configuration optical_s11639: a run needs trigger=internal, not 'external'")
+    assert refused("--camera", "colour=1").startswith("the camera has no field 'colour'")
+    np.savez(tmp_path / "lines.npz", roll=recorded()[0], pitch=recorded()[1])
+    assert refused(tmp_path / "lines.npz", "--camera", "prnu=0") == (
+        "--camera changes the light of a flight, and recorded lines have their own")
+    assert "needs (lines, 3648)" in refused(tmp_path / "lines.npz", "--config", "optical_tcd1304")
+    (tmp_path / "calibration.json").write_text("{}", encoding="utf-8")
+    assert refused("--calibration", tmp_path / "calibration.json") == (
+        f"{tmp_path / 'calibration.json'} is not a calibration.json of 'strapdown calibrate optical'")
