@@ -5,9 +5,10 @@ docs/optical.md. It takes some minutes.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,8 +18,11 @@ from matplotlib.figure import Figure
 
 from strapdown.blocks import SpotFinder, Thresholds
 from strapdown.blocks.sensors import SENSORS
+from strapdown.cores import OPTICAL_ERECTED, OPTICAL_TCD1304, OpticalConfig, opt_attitude
 from strapdown_lab.checkout import ROOT, write_blocks
 from strapdown_lab.markdown import markdown_table
+from strapdown_lab.studies.equations import equations_digest
+from strapdown_sim.instrument.calibration import Calibration
 from strapdown_sim.instrument.flights import FLIGHTS, Flight
 from strapdown_sim.instrument.gyro import Gyro
 from strapdown_sim.instrument.image import LineCamera
@@ -27,7 +31,7 @@ from strapdown_sim.instrument.rays import Instrument, LineSeat
 from strapdown_sim.reference.optical import Attitude, angles_of_pixels, attitude, pixels_of_angles, rotor_axis
 
 __all__ = ["CASES", "SPOTS", "draw", "flight_errors", "flights_table", "geometry", "geometry_lines", "measured",
-           "position_error", "positions_table"]
+           "optical_digest", "position_error", "positions_table", "twin_errors"]
 
 DRIFT_RAD_S = np.radians(0.2) / 60
 """Of the bearings, in the flight with drift."""
@@ -74,31 +78,106 @@ def seen(letter: str, drift_rad_s: float = 0.0) -> Observation:
     return observe(FLIGHTS[letter], gyro=Gyro(drift_rad_s=drift_rad_s))
 
 
-def told(case: Case, compensation: str) -> tuple[Observation, Attitude]:
-    """A flight, and what the float64 reference makes of it."""
-    observed, flight, rng = seen(case.flight, case.drift_rad_s), FLIGHTS[case.flight], np.random.default_rng(1)
-    words = Instrument().calibration(k=Gyro().k * case.k)
-    lines = observed.lines
-    roll_px, pitch_px = (px + case.noise_px * rng.standard_normal(len(px))
-                         for px in (observed.roll_px, observed.pitch_px))
-    roll, pitch = angles_of_pixels(roll_px, pitch_px, words)
-    return observed, attitude(
-        roll, pitch, lines.f_b + case.bias_m_s2, lines.yaw_rate * case.yaw_rate, k=words.k,
-        period_s=1 / flight.rate_hz, compensation=compensation, erection_s=case.erection_s)
+class Samples(NamedTuple):
+    """What a core gets in a case, (N,) or (N, 3), and the words of its calibration."""
+
+    roll_px: np.ndarray
+    pitch_px: np.ndarray
+    f_b: np.ndarray
+    yaw_rate: np.ndarray
+    words: Calibration
 
 
-def differences(observed: Observation, found: Attitude) -> tuple[np.ndarray, np.ndarray]:
+def samples(case: Case) -> Samples:
+    """Inputs of a case. The positions have the 12 bits of fraction that the finder gives."""
+    observed, rng = seen(case.flight, case.drift_rad_s), np.random.default_rng(1)
+    positions = (np.floor(4096 * (px + case.noise_px * rng.standard_normal(len(px)))) / 4096
+                 for px in (observed.roll_px, observed.pitch_px))
+    return Samples(*positions, observed.lines.f_b + case.bias_m_s2, observed.lines.yaw_rate * case.yaw_rate,
+                   Instrument().calibration(k=Gyro().k * case.k))
+
+
+def told(case: Case, compensation: str) -> Attitude:
+    """What the float64 reference makes of a case."""
+    given = samples(case)
+    roll, pitch = angles_of_pixels(given.roll_px, given.pitch_px, given.words)
+    return attitude(roll, pitch, given.f_b, given.yaw_rate, k=given.words.k,
+                    period_s=1 / FLIGHTS[case.flight].rate_hz, compensation=compensation, erection_s=case.erection_s)
+
+
+def twin(cases: Sequence[Case], compensation: str, count: int | None = None) -> list[dict[str, np.ndarray]]:
+    """What the twin of OPT_attitude makes of cases with one line rate and one erection, which run side by side.
+
+    Returns: for each case ``angles`` and ``measured``, roll and pitch in degrees, (N, 2); only ``count`` updates, if
+    given.
+    """
+    config = configuration(cases[0], compensation)
+    system, given = opt_attitude(config), [samples(case) for case in cases]
+    lengths = [len(one.roll_px) if count is None else count for one in given]
+
+    def side_by_side(name):
+        # Shorter flights stand still at their ends.
+        return np.stack([np.take(getattr(one, name), np.arange(max(lengths)), axis=0, mode="clip")
+                         for one in given], axis=1)
+
+    values = {"px": np.stack([side_by_side("roll_px"), side_by_side("pitch_px")], axis=-1), "f": side_by_side("f_b"),
+              "yaw_rate": side_by_side("yaw_rate"), "h": np.array([one.words.h for one in given]),
+              "k": np.array([one.words.k for one in given])}
+    values |= {name: np.array([[getattr(one.words, f"{name}_{ccd}") for ccd in "rp"] for one in given])
+               for name in ("n0", "scale", "tilt", "c3")}
+    result, _ = system.run(config.pool, system.bind(**{name: values[name] for name in system.inputs}))
+    told = system.read(result)
+    return [{name: told[name][:length, index].astype(float) for name in ("angles", "measured")}
+            for index, length in enumerate(lengths)]
+
+
+def configuration(case: Case, compensation: str) -> OpticalConfig:
+    """The configuration of a core for a case."""
+    lines = round(OPTICAL_TCD1304.sensor_clock_hz / FLIGHTS[case.flight].rate_hz)
+    return OPTICAL_TCD1304.replace(line_clocks=lines, compensation=compensation, erection_s=case.erection_s)
+
+
+def twin_errors(cases: Sequence[Case], count: int | None = None) -> list[dict[str, list[float]]]:
+    """Largest difference of the twin from the float64 reference, roll and pitch in degrees, by compensation."""
+    rows: list[dict[str, list[float]]] = [{} for _ in cases]
+    for compensation in ALL[1:]:
+        chosen = sorted((index for index, case in enumerate(cases) if compensation in case.compensations),
+                        key=lambda index: _kind(cases[index]))
+        for _, group in groupby(chosen, lambda index: _kind(cases[index])):
+            indices = list(group)
+            for index, found in zip(indices, twin([cases[index] for index in indices], compensation, count),
+                                    strict=True):
+                # The measured angles are those without compensation.
+                for name, output in ((compensation, "angles"), ("none", "measured")):
+                    if name in cases[index].compensations:
+                        truth = told(cases[index], name)
+                        apart = found[output] - np.degrees([truth.roll, truth.pitch]).T[:len(found[output])]
+                        rows[index][name] = list(map(_largest, apart.T))
+    return rows
+
+
+def _kind(case):
+    return FLIGHTS[case.flight].rate_hz, case.erection_s
+
+
+def differences(case: Case, found: Attitude) -> tuple[np.ndarray, np.ndarray]:
     """Errors of roll and pitch, degrees, shape (N,)."""
-    return (np.degrees(found.roll - observed.lines.roll), np.degrees(found.pitch - observed.lines.pitch))
+    lines = seen(case.flight, case.drift_rad_s).lines
+    return np.degrees(found.roll - lines.roll), np.degrees(found.pitch - lines.pitch)
 
 
 def flight_errors(case: Case) -> dict[str, dict[str, list[float]]]:
-    """Largest and rms error of roll and pitch, degrees, by compensation."""
+    """Largest and rms error of the float64 reference, roll and pitch in degrees, by compensation."""
     rows = {}
     for compensation in case.compensations:
-        errors = differences(*told(case, compensation))
+        errors = differences(case, told(case, compensation))
         rows[compensation] = {"largest": list(map(_largest, errors)), "rms": list(map(_rms, errors))}
     return rows
+
+
+def optical_digest() -> str:
+    """Digest of the equations that the twin computes."""
+    return equations_digest(opt_attitude(OPTICAL_ERECTED), OPTICAL_ERECTED.pool)
 
 
 DIE: dict[str, Any] = {"prnu": 0.02, "fringes": 0.03, "lag": 0.01, "transfer": 0.95}
@@ -175,16 +254,19 @@ def _largest(values):
 
 def measured(dies: int = 10, lines: int = 200) -> dict[str, Any]:
     """All figures of the study."""
-    return {"flights": [{"title": case.title, "flight": case.flight, "rate_hz": FLIGHTS[case.flight].rate_hz,
-                         "errors_deg": flight_errors(case)} for case in CASES],
+    return {"equations_sha256": optical_digest(),
+            "flights": [{"title": case.title, "flight": case.flight, "rate_hz": FLIGHTS[case.flight].rate_hz,
+                         "errors_deg": flight_errors(case), "twin_deg": apart}
+                        for case, apart in zip(CASES, twin_errors(CASES), strict=True)],
             "positions": positions(dies, lines), "geometry": geometry()}
 
 
 def flights_table(result: dict[str, Any]) -> str:
     """Largest errors in flight as a Markdown table: roll / pitch in degrees."""
     return markdown_table(
-        ["flight", "what happens", "lines per second:", *(f"{name}:" for name in ALL)],
-        [[row["flight"], row["title"], f"{row['rate_hz']:g}", *_cells(row["errors_deg"])]
+        ["flight", "what happens", "lines per second:", *(f"{name}:" for name in ALL), "twin − float64:"],
+        [[row["flight"], row["title"], f"{row['rate_hz']:.0f}", *_cells(row["errors_deg"]),
+          f"{max(map(max, row['twin_deg'].values())):.6f}"]
          for row in result["flights"]])
 
 
@@ -221,9 +303,8 @@ def draw(path: Path) -> None:
     for axes, (flight, lines), note in zip(figure.subplots(2, 1), curves, ("", ", bearing drift 0.2°/min"),
                                            strict=True):
         for label, case, compensation in lines:
-            observed, found = told(case, compensation)
-            error = np.max(np.abs(differences(observed, found)), axis=0)
-            axes.plot(observed.lines.time_s, error, color=COLOURS[label], linewidth=1.2, label=label)
+            error = np.max(np.abs(differences(case, told(case, compensation))), axis=0)
+            axes.plot(seen(case.flight, case.drift_rad_s).lines.time_s, error, color=COLOURS[label], linewidth=1.2, label=label)
         axes.set_yscale("log")
         axes.set_ylim(bottom=1e-4)
         axes.yaxis.set_major_formatter("{x:g}")

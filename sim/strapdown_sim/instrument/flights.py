@@ -16,6 +16,9 @@ __all__ = ["FLIGHTS", "GRAVITY_M_S2", "Flight", "Lines", "Motion", "Pulse", "Wav
 
 GRAVITY_M_S2 = 9.80665
 
+TCD1304_HZ = 2e6 / 14_800
+"""Lines per second of a TCD1304 at its preset."""
+
 
 class Pulse(NamedTuple):
     """A quantity that rises to ``size``, stays, and returns to zero in ``duration_s``; rise and fall are cosines."""
@@ -172,12 +175,12 @@ def _turns(count, angle_deg, rate_deg_s, rise_s, duration_s):
 FLIGHTS = {
     "a": Flight("3 m/s² forward for 20 s, level", 60, forward=(Pulse(5, 20, 1, 3.0),)),
     "b": Flight("3 m/s² sideways for 20 s, level", 60, right=(Pulse(5, 20, 1, 3.0),)),
-    "c": Flight("coordinated turn of 342°, bank 23°", 75, 135.0, turns=(Pulse(5, 60, 3, np.radians(6)),),
+    "c": Flight("coordinated turn of 342°, bank 23°", 75, TCD1304_HZ, turns=(Pulse(5, 60, 3, np.radians(6)),),
                 speed_m_s=40.0),
     "d": Flight("take-off with 4 m/s², climb at 12°", 90, forward=(Pulse(2, 15, 1, 4.0),),
                 pitch=(Pulse(10, 200, 7, np.radians(12)),)),
     "e": Flight("pitch of 25° for 60 s, no acceleration", 85, pitch=(Pulse(3, 76, 8, np.radians(25)),)),
-    "f": Flight("±25° at 0.1 and 0.07 Hz, 2 m/s²", 90, 135.0, roll=(Wave(np.radians(25), 0.1),),
+    "f": Flight("±25° at 0.1 and 0.07 Hz, 2 m/s²", 90, TCD1304_HZ, roll=(Wave(np.radians(25), 0.1),),
                 pitch=(Wave(np.radians(25), 0.07),), forward=(Wave(2.0, 0.032),),
                 right=(Wave(2.0, 0.021, np.pi / 2),)),
     "g": Flight("five turns of 120°, 600 s", 600, 20.0, turns=_turns(5, 120, 1.5, 5, 600), speed_m_s=56.0),
