@@ -188,14 +188,14 @@ def angles_of_rotor(xp, seen, n):
         Turn(*scale(factor, turn)) for factor, turn in zip(lengths, (roll, pitch), strict=True))
 
 
-def patent_angles(measured, cosine, before, drift, f, step):
+def patent_angles(measured, cosine, drift, f, step):
     """Roll and pitch as source 004 compensates them, rad, and the next integrals ``drift``.
 
-    Iγ += k·T·(fx + fz·θs), Iθ += k·T·(fy − fz·γs) with the angles ``before``, those of the update before; roll =
-    γs + cos θs·Iγ, pitch = θs + Iθ. ``step`` is k·T, ``cosine`` that of θs. The integrals are in body axes, so that a
-    turn leaves them behind, and take the angles as small.
+    Iγ += k·T·(fx + fz·θs), Iθ += k·T·(fy − fz·γs); roll = γs + cos θs·Iγ, pitch = θs + Iθ. ``step`` is k·T,
+    ``cosine`` that of θs. The integrals are in body axes, so that a turn leaves them behind, and take the angles as
+    small.
     """
-    drift = (drift[0] + step * (f[0] + f[2] * before[1]), drift[1] + step * (f[1] - f[2] * before[0]))
+    drift = (drift[0] + step * (f[0] + f[2] * measured[1]), drift[1] + step * (f[1] - f[2] * measured[0]))
     return (measured[0] + cosine * drift[0], measured[1] + drift[1]), drift
 
 
@@ -212,8 +212,7 @@ def optical_update(xp, px, calibration, inertial, settings, **state):
     settings : Settings
     **state
         exact: ``n``, and the Turns ``roll`` and ``pitch`` of the update before. These are zero at first, so that the
-        first update has no precession. patent: ``drift``, and ``measured`` and ``step`` (k·T) of the update before,
-        likewise zero.
+        first update has no precession. patent: ``drift``, and ``step`` (k·T) of the update before, likewise zero.
 
     Returns
     -------
@@ -237,7 +236,6 @@ def optical_update(xp, px, calibration, inertial, settings, **state):
             next_state = {"n": n, "roll": roll, "pitch": pitch}
         elif settings.compensation == "patent":
             cosine = seen.B * xp.rsqrt(seen.A_squared + seen.B_squared)
-            angles, drift = patent_angles(measured, cosine, state["measured"], state["drift"], inertial.f,
-                                          state["step"] * inertial.share)
-            next_state = {"drift": drift, "measured": measured, "step": calibration.k * settings.period}
+            angles, drift = patent_angles(measured, cosine, state["drift"], inertial.f, state["step"] * inertial.share)
+            next_state = {"drift": drift, "step": calibration.k * settings.period}
         return Update({"angles": scale(DEGREES, angles), "measured": scale(DEGREES, measured)}, next_state, {})

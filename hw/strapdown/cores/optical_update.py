@@ -81,7 +81,7 @@ def _system(config, name, title, equations, inputs, outputs, kernels):
     """A System whose state and angles are those of ``optical_update``."""
     state: dict[str, object] = {
         "none": {},
-        "patent": {"drift": _pair("drift_{}"), "measured": ("roll", "pitch"), "step": "step"},
+        "patent": {"drift": _pair("drift_{}"), "step": "step"},
         "exact": {"n": vector("n{}"), "roll": ("sine_roll", "cosine_roll"), "pitch": ("sine_pitch", "cosine_pitch")},
     }[config.compensation]
     kernels = [*kernels, optical.slope, optical.light, optical.measured_angles]

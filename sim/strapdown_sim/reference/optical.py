@@ -103,8 +103,8 @@ def attitude(measured_roll, measured_pitch, f_b, yaw_rate, *, k, period_s, compe
     Attitude
         Its axis stays vertical without "exact".
 
-    The first update has no precession, because the angles before it are not known. In ``patent`` too the angles in
-    the integrals are those of the update before.
+    The first update has no precession, because the angles before it are not known. ``patent`` integrates from the
+    second update on too; its integrals take the angles of the same update.
     """
     steps = {"none": _no_steps, "patent": _patent_steps, "exact": _exact_steps}
     samples = zip(measured_roll, measured_pitch, np.asarray(f_b).tolist(), yaw_rate, strict=True)
@@ -126,13 +126,11 @@ def _no_steps(samples, kt, period_s, erection_s, limit):
 
 
 def _patent_steps(samples, kt, period_s, erection_s, limit):
-    integral_roll = integral_pitch = 0.0
-    before = None
+    integral_roll = integral_pitch = step = 0.0
     for roll, pitch, (fx, fy, fz), _ in samples:
-        if before is not None:
-            integral_roll += kt * (fx + fz * before[1])
-            integral_pitch += kt * (fy - fz * before[0])
-        before = roll, pitch
+        integral_roll += step * (fx + fz * pitch)
+        integral_pitch += step * (fy - fz * roll)
+        step = kt
         yield roll + cos(pitch) * integral_roll, pitch + integral_pitch, 0.0, 0.0, 1.0
 
 
