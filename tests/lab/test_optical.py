@@ -46,6 +46,25 @@ def test_flights_are_those_of_this_commit(index):
         np.testing.assert_allclose(row["errors_deg"][compensation]["largest"], figures["largest"], rtol=1e-3, atol=1e-6)
 
 
+def test_twin_is_that_of_this_commit():
+    assert result()["equations_sha256"] == optical.optical_digest(), (
+        "python -m strapdown_lab.studies.optical measures its errors again")
+
+
+def test_twin_adds_half_a_thousandth_of_a_degree_at_most():
+    for row in result()["flights"]:
+        assert row["twin_deg"].keys() == row["errors_deg"].keys()
+        assert max(map(max, row["twin_deg"].values())) <= 0.0005
+
+
+def test_twin_and_reference_get_equal_inputs():
+    """The first updates of flights that begin with a motion, with both compensations and with erection."""
+    cases = [case for case in optical.CASES if case.flight == "f"] + [optical.CASES[-1]]
+    for case, errors in zip(cases, optical.twin_errors(cases, 60), strict=True):
+        assert errors.keys() == set(case.compensations) | {"exact"}
+        assert max(map(max, errors.values())) < 1e-5
+
+
 @pytest.mark.parametrize("title", ["and PRNU of 2 %", "and fringes of 3 %, lag, deferred charge"])
 def test_positions_are_those_of_this_commit(title):
     figures = result()["positions"]
