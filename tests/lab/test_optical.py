@@ -60,7 +60,7 @@ def test_twin_adds_half_a_thousandth_of_a_degree_at_most():
 def test_twin_and_reference_get_equal_inputs():
     """The first updates of flights that begin with a motion, with both compensations and with erection."""
     cases = [case for case in optical.CASES if case.flight == "f"] + [optical.CASES[-1]]
-    for case, errors in zip(cases, optical.twin_errors(cases, 60), strict=True):
+    for case, errors in zip(cases, optical.twin_errors(cases, 20), strict=True):
         assert errors.keys() == set(case.compensations) | {"exact"}
         assert max(map(max, errors.values())) < 1e-5
 
