@@ -304,7 +304,8 @@ def draw(path: Path) -> None:
                                            strict=True):
         for label, case, compensation in lines:
             error = np.max(np.abs(differences(case, told(case, compensation))), axis=0)
-            axes.plot(seen(case.flight, case.drift_rad_s).lines.time_s, error, color=COLOURS[label], linewidth=1.2, label=label)
+            time_s = seen(case.flight, case.drift_rad_s).lines.time_s
+            axes.plot(time_s, error, color=COLOURS[label], linewidth=1.2, label=label)
         axes.set_yscale("log")
         axes.set_ylim(bottom=1e-4)
         axes.yaxis.set_major_formatter("{x:g}")
