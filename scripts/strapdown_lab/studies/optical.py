@@ -91,9 +91,9 @@ class Samples(NamedTuple):
 def samples(case: Case) -> Samples:
     """Inputs of a case. The positions have the 12 bits of fraction that the finder gives."""
     observed, rng = seen(case.flight, case.drift_rad_s), np.random.default_rng(1)
-    positions = (np.floor(4096 * (px + case.noise_px * rng.standard_normal(len(px)))) / 4096
-                 for px in (observed.roll_px, observed.pitch_px))
-    return Samples(*positions, observed.lines.f_b + case.bias_m_s2, observed.lines.yaw_rate * case.yaw_rate,
+    roll_px, pitch_px = (np.floor(4096 * (px + case.noise_px * rng.standard_normal(len(px)))) / 4096
+                         for px in (observed.roll_px, observed.pitch_px))
+    return Samples(roll_px, pitch_px, observed.lines.f_b + case.bias_m_s2, observed.lines.yaw_rate * case.yaw_rate,
                    Instrument().calibration(k=Gyro().k * case.k))
 
 
