@@ -9,11 +9,12 @@ ONLY ?=
 BASE ?= HEAD
 PART ?= 1
 COUNT ?= 10000
+LINES ?= 1000000
 SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim report families compare formal exhaustive mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog test sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -63,6 +64,9 @@ formal: $(VENV)/ready-formal ## Prove properties of operators and engines; ONLY=
 
 exhaustive: setup ## Try all 2^32 operands of the one-operand operators; ONLY=sqrt, PART=1/256 select some.
 	$(BIN)/python -m strapdown_lab.proof exhaustive $(addprefix --only ,$(ONLY)) --fraction $(PART)
+
+spots: setup ## Try LINES random lines of each line sensor in the spot finder; ONLY=tcd1304 selects one.
+	$(BIN)/python -m strapdown_lab.proof spots $(addprefix --only ,$(ONLY)) --lines $(LINES)
 
 mutants: $(VENV)/ready-formal ## Put single faults into operators and engines; tests must detect them. ONLY=REGEX selects files.
 	$(BIN)/python -m strapdown_lab.proof mutants --only '$(ONLY)'

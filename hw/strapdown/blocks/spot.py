@@ -82,6 +82,16 @@ class SpotFinder(Described):
         return self._pixels
 
     @property
+    def gap(self):
+        """Pixels that end a run."""
+        return self._gap
+
+    @property
+    def width_max(self):
+        """Pixels at which a run is cut."""
+        return self._width_max
+
+    @property
     def latency(self):
         """Cycles from the last pixel to ``finish``."""
         return 3 + self._quotient_width + 1

@@ -1,4 +1,4 @@
-"""`python -m strapdown_lab.proof`: formal, exhaustive, mutants and the generated parts of docs/proof.md."""
+"""`python -m strapdown_lab.proof`: formal, exhaustive, spots, mutants and the generated parts of docs/proof.md."""
 
 import json
 import os
@@ -8,10 +8,11 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from strapdown.blocks import SENSORS
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 
 from ..checkout import ROOT, write_blocks
-from . import exhaustive, formal, mutation
+from . import exhaustive, formal, mutation, spots
 from .mutants import MUTANTS
 from .solver import SolverMissingError
 
@@ -22,7 +23,7 @@ console = Console(width=160)
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def main():
-    """Proofs of operators and engines, exhaustive runs, and faults that tests must detect: docs/proof.md."""
+    """Proofs of circuits, runs of many operands, and faults that tests must detect: docs/proof.md."""
 
 
 @main.command("formal")
@@ -81,6 +82,25 @@ def exhaustive_command(only, part, jobs):
         raise SystemExit(1)
 
 
+@main.command("spots")
+@click.option("--only", multiple=True, type=click.Choice(list(SENSORS)), help="May be repeated.")
+@click.option("--lines", type=click.IntRange(1), default=1_000_000, show_default=True, help="Random lines of a sensor.")
+@JOBS
+def spots_command(only, lines, jobs):
+    """Run random lines through the Verilated spot finder."""
+    try:
+        entries, examples = spots.check(only or list(SENSORS), lines, jobs, ROOT)
+    except SimulatorMissingError as error:
+        raise click.ClickException(str(error)) from None
+    spots.record(entries, ROOT)
+    for sensor, entry in entries.items():
+        console.print(f"{sensor}: {lines:,} lines, {entry['mismatches']} mismatches", highlight=False)
+    for row in examples:
+        console.print(f"  {row}", highlight=False)
+    if examples:
+        raise SystemExit(1)
+
+
 @main.command("mutants")
 @click.option("--only", default="", metavar="REGEX", help="Only faults whose file matches.")
 @click.option("--baseline/--no-baseline", default=True, show_default=True,
@@ -116,10 +136,10 @@ def document():
 
 def blocks():
     """Generated parts of docs/proof.md, by the name of their block."""
-    record = ROOT / "docs" / "exhaustive.json"
-    return {"properties": formal.summary(),
-            "exhaustive": exhaustive.table(json.loads(record.read_text(encoding="utf-8")) if record.exists() else {}),
-            "faults": mutation.table()}
+    exhaustive_runs, spot_runs = (json.loads(record.read_text(encoding="utf-8")) if record.exists() else {}
+                                  for record in (ROOT / "docs" / "exhaustive.json", ROOT / "docs" / "spots.json"))
+    return {"properties": formal.summary(), "exhaustive": exhaustive.table(exhaustive_runs),
+            "spots": spots.table(spot_runs), "faults": mutation.table()}
 
 
 if __name__ == "__main__":
