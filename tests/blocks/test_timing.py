@@ -24,9 +24,9 @@ TIMINGS = {name: LineTiming(sensor, clock_hz=CLOCK_HZ) for name, sensor in SMALL
 @pytest.mark.parametrize(("name", "events"), [
     ("tcd1304", {"ICG falls": 0, "SH rises": 50, "SH falls": 250, "ICG rises": 755, "first pixel": 755 + 32 * 200,
                  "first sample": 755 + 32 * 200 + 170, "last sample": 755 + (32 + 3647) * 200 + 170,
-                 "read-out ends": 755 + 3694 * 200, "next line": 740_000}),
+                 "read out ends": 755 + 3694 * 200, "next line": 740_000}),
     ("s11639", {"ST falls": 10, "exposure ends": 10 + 48 * 20, "first pixel": 88 * 20, "next line": 50_000}),
-    ("tsl1402", {"ST falls": 10, "first pixel": 0, "read-out ends": 257 * 20, "next line": 20_000}),
+    ("tsl1402", {"ST falls": 10, "first pixel": 0, "read out ends": 257 * 20, "next line": 20_000}),
 ])
 def test_presets_have_the_cycles_of_the_data_sheets(name, events):
     timing = LineTiming(SENSORS[name], clock_hz=CLOCK_HZ)

@@ -94,10 +94,13 @@ class SpiAdc(_Capture):
     def elaborate(self, platform):
         m = Module()
         words = [Signal(PIXEL_WIDTH, name=f"word_{ccd}", reset_less=True) for ccd in range(2)]
-        first, last = Signal(reset_less=True), Signal(reset_less=True)
-        left, wait = Signal(range(SPI_CLOCKS + 1)), Signal(range(max(self._period, self._lead)))
+        first = Signal(reset_less=True)
+        last = Signal(reset_less=True)
+        left = Signal(range(SPI_CLOCKS + 1))
+        wait = Signal(range(max(self._period, self._lead)))
         # ``wait`` counts to the next fall of SCLK; the data pins are read with it.
-        falls, ends = Signal(), Signal()
+        falls = Signal()
+        ends = Signal()
         m.d.comb += [falls.eq(~self.cs_n & (left != 0) & (wait == 0)), ends.eq(~self.cs_n & (left == 0))]
         with m.If(self.sample):
             m.d.sync += [self.cs_n.eq(0), left.eq(SPI_CLOCKS), wait.eq(self._lead - 1), first.eq(self.first),
@@ -164,7 +167,9 @@ class ParallelAdc(_Capture):
 
     def elaborate(self, platform):
         m = Module()
-        running, place, rises = Signal(), Signal(range(self._slot)), Signal()
+        running = Signal()
+        place = Signal(range(self._slot))
+        rises = Signal()
         m.d.comb += rises.eq(self.sample | (running & (place == self._slot - 1)))
         m.d.sync += place.eq(Mux(rises, 0, place + 1))
         with m.If(self.sample):

@@ -62,14 +62,17 @@ class LineBuffer(Described):
         m.submodules.memory = memory = Memory(shape=2 * PIXEL_WIDTH, depth=2 << width, init=[])
         write, read = memory.write_port(), memory.read_port()
 
-        place, index = Signal(width), Signal(width)
+        place = Signal(width)
+        index = Signal(width)
         pixels, stored = self.pixels, self.stored
         m.d.comb += [index.eq(Mux(pixels.p.first, 0, place)), write.addr.eq(Cat(index, ~self.bank)),
                      write.data.eq(pixels.p.pixel.as_value()), write.en.eq(pixels.valid)]
         with m.If(pixels.valid):
             m.d.sync += place.eq(index + 1)
 
-        scanning, scanned, ends = Signal(), Signal(width), Signal()
+        scanning = Signal()
+        scanned = Signal(width)
+        ends = Signal()
         m.d.comb += [ends.eq(scanned == self._pixels - 1),
                      read.addr.eq(Cat(Mux(scanning, scanned, self.read_index[:width]), self.bank))]
         with m.If(scanning):

@@ -68,7 +68,9 @@ class ExposureControl(Described):
             m.d.comb += self.exposure.eq(self._start)
             return m
         width = (2 * self._most).bit_length()
-        exposure, changed, due = Signal(width - 1, init=self._start), Signal(width, reset_less=True), Signal()
+        exposure = Signal(width - 1, init=self._start)
+        changed = Signal(width, reset_less=True)
+        due = Signal()
         with m.If(self.saturated != 0):
             m.d.sync += changed.eq(exposure - (exposure >> 1))
         with m.Elif(self.peak > TOO_HIGH):

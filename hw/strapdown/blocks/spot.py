@@ -172,14 +172,19 @@ class SpotFinder(Described):
         value, height, weight = (Signal(PIXEL_WIDTH, reset_less=True, name=name)
                                  for name in ("value", "height", "weight"))
         pixel = pixels.p.pixel[0]
-        above, excess = Signal(signed(PIXEL_WIDTH + 1)), Signal(signed(PIXEL_WIDTH + 2))
+        above = Signal(signed(PIXEL_WIDTH + 1))
+        excess = Signal(signed(PIXEL_WIDTH + 2))
         m.d.comb += [above.eq(pixel - self.black), excess.eq(above - self.lo)]
         m.d.sync += [valid.eq(pixels.valid), first.eq(pixels.p.first), last.eq(pixels.p.last), value.eq(pixel),
                      height.eq(above), weight.eq(excess), counts.eq(excess > 0), full.eq(pixel >= FULL)]
 
         # Stage 2: runs. ``inside`` is high if a run is open before this pixel.
         index = Signal(PIXEL_WIDTH)
-        opened, inside, begins, active, ends = Signal(), Signal(), Signal(), Signal(), Signal()
+        opened = Signal()
+        inside = Signal()
+        begins = Signal()
+        active = Signal()
+        ends = Signal()
         below = Signal(range(self._gap + 1))
         below_now = Signal.like(below)
         length = Signal(range(self._width_max + 1))
@@ -188,20 +193,23 @@ class SpotFinder(Described):
             inside.eq(opened & ~first), begins.eq(counts & ~inside), active.eq(inside | counts),
             below_now.eq(Mux(counts, 0, below + 1)), length_now.eq(Mux(inside, length, 0) + 1),
             ends.eq(active & (last | (below_now == self._gap) | (length_now == self._width_max)))]
-        total, peak = Signal(22, reset_less=True), Signal(PIXEL_WIDTH, reset_less=True)
-        width, saturated = Signal.like(length, reset_less=True), Signal.like(length, reset_less=True)
-        starts_line, ends_line = Signal(), Signal()
+        run_sum = Signal(22, reset_less=True)
+        run_peak = Signal(PIXEL_WIDTH, reset_less=True)
+        run_width = Signal.like(length, reset_less=True)
+        run_saturated = Signal.like(length, reset_less=True)
+        starts_line = Signal()
+        ends_line = Signal()
         begins_q, active_q, ends_q, first_q, last_q = (
             Signal(name=f"{name}_q") for name in ("begins", "active", "ends", "first", "last"))
         with m.If(valid):
             m.d.sync += [index.eq(Mux(first, 0, index + 1)), opened.eq(active & ~ends), below.eq(below_now),
                          length.eq(length_now),
-                         total.eq(Mux(begins, 0, total) + Mux(counts, weight, 0)),
-                         saturated.eq(Mux(begins, 0, saturated) + (counts & full))]
-            with m.If(counts & (begins | (height > peak))):
-                m.d.sync += peak.eq(height)
+                         run_sum.eq(Mux(begins, 0, run_sum) + Mux(counts, weight, 0)),
+                         run_saturated.eq(Mux(begins, 0, run_saturated) + (counts & full))]
+            with m.If(counts & (begins | (height > run_peak))):
+                m.d.sync += run_peak.eq(height)
             with m.If(counts):
-                m.d.sync += [width.eq(length_now), ends_line.eq(last)]
+                m.d.sync += [run_width.eq(length_now), ends_line.eq(last)]
             with m.If(begins):
                 m.d.sync += starts_line.eq(first)
         m.d.sync += [begins_q.eq(begins), active_q.eq(valid & active), ends_q.eq(valid & ends),
@@ -211,17 +219,23 @@ class SpotFinder(Described):
         # of w and of w times its distance from the begin, R = (e + 1) S0 - S1. So the position, rounded down, is
         #     e + 1 - R/S0 = e + (1 - u) - (R - u)/S0 with the last term rounded down, and u the unit of a position.
         integer, digits = self._quotient_width - FRACTION, self._quotient_width
-        moment, moment_now = Signal(22 + integer, reset_less=True), Signal(22 + integer)
-        m.d.comb += moment_now.eq((moment | begins_q.replicate(len(moment))) + total)
+        moment = Signal(22 + integer, reset_less=True)
+        moment_now = Signal(22 + integer)
+        m.d.comb += moment_now.eq((moment | begins_q.replicate(len(moment))) + run_sum)
         with m.If(active_q):
             m.d.sync += moment.eq(moment_now)
-        is_valid, wins, end = Signal(), Signal(), Signal(PIXEL_WIDTH, reset_less=True)
-        m.d.comb += [is_valid.eq(ends_q & (peak > self.hi)), wins.eq(is_valid & (total > self.sum))]
+        is_valid = Signal()
+        wins = Signal()
+        end = Signal(PIXEL_WIDTH, reset_less=True)
+        m.d.comb += [is_valid.eq(ends_q & (run_peak > self.hi)), wins.eq(is_valid & (run_sum > self.sum))]
 
         # Division, a bit of the quotient a cycle. R - u is the moment with ones below the point. Its bits above the
         # places of the quotient's integer are less than S0, and become the first remainder.
-        dividend, trial = Signal.like(moment), Signal(signed(24))
-        left, done, fresh = Signal(range(digits + 1)), Signal(), Signal()
+        dividend = Signal.like(moment)
+        trial = Signal(signed(24))
+        left = Signal(range(digits + 1))
+        done = Signal()
+        fresh = Signal()
         quotient = Signal(digits, reset_less=True)
         remainder = dividend[integer - 1:]
         m.d.comb += [trial.eq(remainder - self.sum), fresh.eq((pixels.valid & pixels.p.first) | first_q)]
@@ -232,8 +246,9 @@ class SpotFinder(Described):
         with m.If(last_q):
             m.d.sync += left.eq(digits)
         with m.If(wins):
-            m.d.sync += [dividend.eq(moment_now), end.eq(index), self.sum.eq(total), self.peak.eq(peak),
-                         self.width.eq(width), self.saturated.eq(saturated), self.edge.eq(starts_line | ends_line)]
+            m.d.sync += [dividend.eq(moment_now), end.eq(index), self.edge.eq(starts_line | ends_line),
+                         self.sum.eq(run_sum), self.peak.eq(run_peak), self.width.eq(run_width),
+                         self.saturated.eq(run_saturated)]
         with m.If(is_valid):
             m.d.sync += [self.found.eq(1), self.several.eq(self.found)]
         m.d.sync += done.eq(left == 1)
@@ -250,7 +265,8 @@ class SpotFinder(Described):
             m.d.sync += [left.eq(0), done.eq(0), self.finish.eq(0)]
 
         # The least mean of a block.
-        block, block_now = Signal(PIXEL_WIDTH + 6, reset_less=True), Signal(PIXEL_WIDTH + 6)
+        block = Signal(PIXEL_WIDTH + 6, reset_less=True)
+        block_now = Signal(PIXEL_WIDTH + 6)
         place = index[:6]
         starts = Signal()
         m.d.comb += [starts.eq(first | place.all()), block_now.eq(Mux(starts, 0, block) + value)]

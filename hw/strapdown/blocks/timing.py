@@ -171,7 +171,7 @@ class LineTiming(Described):
             # SH is low before ICG falls, and after ICG has risen.
             rest = self._cycles(SH_FROM_ICG)
             least = max(self._cycles(sensor.exposure_min_s), end + rest)
-            most = line + end - self._events["ICG rises"] - rest - self._flush_cycles
+            most = line + end - self._events["ICG rises"] - rest - self.flush_cycles
         elif sensor.shutter:
             least = max(self._cycles(sensor.exposure_min_s), (sensor.st_high_min + sensor.exposure_tail) * clock)
             most = line + (sensor.exposure_tail - sensor.st_low_min) * clock
@@ -196,27 +196,27 @@ class LineTiming(Described):
     @property
     def _exposure_step(self):
         """Where exposures lie between multiples of a slot: the exposure's end less the place of its begin in a slot."""
-        return self._events["exposure ends"] - self._edge_place
+        return self._events["exposure ends"] - self.exposure_place
 
     @property
-    def _edge_place(self):
+    def exposure_place(self):
         """Cycle of a slot at which an exposure begins."""
         if not self._transfers:
             return self._high if self._sensor.shutter else 0
         return (self._events["pixel slots"] + self._sample_at + self._cycles(SH_AFTER_SAMPLE)) % self._slot
 
     @property
-    def _flush_slots(self):
+    def flush_slots(self):
         """Slots in which SH is high, and slots from one pulse to the next."""
         high = ceil(self._cycles(SH_HIGH) / self._slot)
         return high, max(ceil(self._cycles(FLUSH_PITCH) / self._slot), high + 1)
 
     @property
-    def _flush_cycles(self):
+    def flush_cycles(self):
         """Cycles from the first pulse of SH before an exposure to its begin."""
         if not self._transfers:
             return 0
-        high, pitch = self._flush_slots
+        high, pitch = self.flush_slots
         return (FLUSHES * pitch + high) * self._slot
 
     @property
@@ -257,7 +257,7 @@ class LineTiming(Described):
     @property
     def guard(self):
         """Cycles from an edge of ST, or an edge of SH that depends on an exposure, to the next sample."""
-        edge = self._edge_place if self._transfers else self._high
+        edge = self.exposure_place if self._transfers else self._high
         return (self._events["pixel slots"] + self._sample_at - edge) % self._slot
 
     @property
@@ -265,17 +265,20 @@ class LineTiming(Described):
         """Cycles of a line at which something happens, by name; cycle 0 is the begin of slot 0 or the fall of ICG."""
         slots, sensor = self._events["pixel slots"], self._sensor
         pixel = slots + self._slot * sensor.lead
-        return {name: cycle for name, cycle in self._events.items() if name != "pixel slots"} | {
+        rise = {} if self._transfers or sensor.shutter else {
+            "ST rises": self.line_cycles + self._events["ST falls"] - self._clock}
+        return {name: cycle for name, cycle in self._events.items() if name != "pixel slots"} | rise | {
             "first pixel": pixel, "first sample": pixel + self._sample_at,
             "last sample": pixel + self._sample_at + self._slot * (sensor.pixels - 1),
-            "read-out ends": slots + self._slot * sensor.slots, "next line": self.line_cycles}
+            "read out ends": slots + self._slot * sensor.slots, "next line": self.line_cycles}
 
     def elaborate(self, platform):
         m = Module()
         sensor, line = self._sensor, self.line_cycles
         # Place in the line: slot, clock of the slot, cycle of the clock. What is decided in a cycle reaches the pins
         # after the next edge; all pins and outputs are late by this one cycle.
-        beat, clock = Signal(range(self._clock)), Signal(range(sensor.clocks_per_pixel))
+        beat = Signal(range(self._clock))
+        clock = Signal(range(sensor.clocks_per_pixel))
         slot = Signal(range(self._line_slots), init=self._line_slots - 2)
 
         def in_slot(cycle):
@@ -292,7 +295,10 @@ class LineTiming(Described):
             m.d.sync += clock.eq(Mux(ends, 0, clock + 1))
 
         # A line exposes, reads, or both. Without a next line, the slot before the last one is repeated.
-        reading, exposing, follows, goes = Signal(), Signal(), Signal(), Signal()
+        reads = Signal()
+        exposes = Signal()
+        follows = Signal()
+        goes = Signal()
         asked = Array(Signal(EXPOSURE_WIDTH, name=f"asked_{ccd}", reset_less=True) for ccd in range(2))
         taken = Array(Signal(EXPOSURE_WIDTH, name=f"taken_{ccd}") for ccd in range(2))
         m.d.comb += goes.eq(self.run & self._pending(m, goes & ends & (slot == self._line_slots - 2)))
@@ -302,15 +308,17 @@ class LineTiming(Described):
                 m.d.sync += follows.eq(goes)
                 with m.If(goes):
                     m.d.sync += [asked[ccd].eq(self.exposure[ccd]) for ccd in range(2)]
-                with m.If(~goes & ~exposing):
+                with m.If(~goes & ~exposes):
                     m.d.sync += slot.eq(slot)
             with m.If(slot == self._line_slots - 1):
-                m.d.sync += [slot.eq(0), reading.eq(exposing), exposing.eq(follows)]
+                m.d.sync += [slot.eq(0), reads.eq(exposes), exposes.eq(follows)]
                 m.d.sync += [self.effective[ccd].eq(taken[ccd]) for ccd in range(2)]
 
         # Samples.
-        sampling, sample, first = Signal(), Signal(), Signal()
-        m.d.comb += [first.eq(at(self.events["first sample"] - 1) & reading),
+        sampling = Signal()
+        sample = Signal()
+        first = Signal()
+        m.d.comb += [first.eq(at(self.events["first sample"] - 1) & reads),
                      sample.eq(in_slot((self.events["first sample"] - 1) % self._slot) & (sampling | first))]
         last = at(self.events["last sample"] - 1)
         m.d.sync += [self.sample.eq(sample), self.first.eq(first), self.last.eq(sample & last)]
@@ -318,21 +326,26 @@ class LineTiming(Described):
             m.d.sync += [sampling.eq(~last), self.pixel_index.eq(Mux(first, 0, self.pixel_index + 1))]
 
         # Exposure. ``ahead`` is the exposure that would follow if the first edge for it came now.
-        remaining, ahead = Signal(range(line)), Signal(range(line))
-        complete, places, latest, opens = Signal(), Signal(), Signal(), Signal()
+        remaining = Signal(range(line))
+        ahead = Signal(range(line))
+        complete = Signal()
+        places = Signal()
+        latest = Signal()
+        opens = Signal()
         least, most = self._exposure_range
-        m.d.comb += [complete.eq(at(self._events["exposure ends"])), ahead.eq(remaining - self._flush_cycles),
-                     places.eq(in_slot(self._edge_place)), latest.eq(ahead == least),
-                     opens.eq(at(self._events["exposure ends"] - most - self._flush_cycles - 1) & exposing)]
+        m.d.comb += [complete.eq(at(self._events["exposure ends"])), ahead.eq(remaining - self.flush_cycles),
+                     places.eq(in_slot(self.exposure_place)), latest.eq(ahead == least),
+                     opens.eq(at(self._events["exposure ends"] - most - self.flush_cycles - 1) & exposes)]
         m.d.sync += remaining.eq(Mux(complete, line - 1, remaining - 1))
         for ccd in range(2):
-            armed, begins = Signal(name=f"armed_{ccd}"), Signal(name=f"begins_{ccd}")
+            armed = Signal(name=f"armed_{ccd}")
+            begins = Signal(name=f"begins_{ccd}")
             m.d.comb += begins.eq(armed & places & ((ahead <= asked[ccd]) | latest))
             with m.If(begins):
                 m.d.sync += [armed.eq(0), taken[ccd].eq(ahead)]
             with m.If(opens):
                 m.d.sync += armed.eq(1)
-            exposed = self._pulses(m, ccd, begins, places, at, reading)
+            exposed = self._pulses(m, ccd, begins, places, at, reads)
             with m.If(exposed):
                 m.d.sync += self.exposing[ccd].eq(1)
             with m.If(complete):
@@ -344,7 +357,9 @@ class LineTiming(Described):
         """High if a line may begin; ``taken`` is high if it does."""
         if not self._external:
             return C(1)
-        now, before, pending = Signal(), Signal(), Signal()
+        now = Signal()
+        before = Signal()
+        pending = Signal()
         m.submodules.trigger = FFSynchronizer(self.trigger, now)
         m.d.sync += before.eq(now)
         with m.If(~self.run | taken):
@@ -353,21 +368,23 @@ class LineTiming(Described):
             m.d.sync += pending.eq(self.run)
         return pending
 
-    def _pulses(self, m, ccd, begins, places, at, reading):
+    def _pulses(self, m, ccd, begins, places, at, reads):
         """The pins of one sensor. Returns a Value that is high if its exposure begins."""
-        events = self._events
+        events = self.events
         if not self._transfers:
             pin = self.ccd_st[ccd]
-            rises = begins if self._sensor.shutter else at(events["ST falls"] - self._clock)
+            rises = at(events["ST rises"]) if "ST rises" in events else begins
             with m.If(rises):
                 m.d.sync += pin.eq(1)
             with m.If(at(events["ST falls"])):
                 m.d.sync += pin.eq(0)
             return begins
         pin = self.ccd_sh[ccd]
-        high, pitch = self._flush_slots
-        flushing, left = Signal(name=f"flushing_{ccd}"), Signal(range(FLUSHES + 1), name=f"left_{ccd}")
-        step, exposed = Signal(range(pitch + 1), name=f"step_{ccd}"), Signal(name=f"exposed_{ccd}")
+        high, pitch = self.flush_slots
+        flushing = Signal(name=f"flushing_{ccd}")
+        left = Signal(range(FLUSHES + 1), name=f"left_{ccd}")
+        step = Signal(range(pitch + 1), name=f"step_{ccd}")
+        exposed = Signal(name=f"exposed_{ccd}")
         with m.If(begins):
             m.d.sync += [flushing.eq(1), left.eq(FLUSHES), step.eq(1), pin.eq(1)]
         with m.If(flushing & places):
@@ -377,7 +394,7 @@ class LineTiming(Described):
                 m.d.comb += exposed.eq(left == 0)
             with m.If(step == pitch):
                 m.d.sync += [step.eq(1), left.eq(left - 1), pin.eq(1)]
-        with m.If(reading):
+        with m.If(reads):
             if ccd == 0:
                 with m.If(at(events["ICG falls"])):
                     m.d.sync += self.ccd_icg.eq(0)

@@ -1,8 +1,9 @@
-"""All properties of all operators and engines that are proved."""
+"""All properties of all operators, blocks and engines that are proved."""
 
 from collections.abc import Iterator
 from functools import partial
 
+from strapdown.blocks import SENSORS, LineBuffer, LineTiming, ParallelAdc, SpiAdc, SpotFinder
 from strapdown.cores.catalogue import CONFIGS, main_module, make_core, modules_of
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.fp import FloatFormat, FpToFixed, Rounding
@@ -20,6 +21,7 @@ from .handshake import (
     VendorHold,
     VendorOrder,
 )
+from .lines import BufferedLine, Finish, Gaps, LineEdges, ParallelCapture, SerialCapture
 from .sequencer import ChannelRecovery, ChannelTiming, UpdateRecovery, UpdateTiming
 from .solver import Property
 
@@ -98,6 +100,28 @@ def sequencer(module, config):
                        partial(circuit, lambda: make_core(module, config).engine), 1, ("engine",))
 
 
+def lines():
+    """Properties of the blocks for line sensors, from timing to spot finder."""
+    for name, sensor in SENSORS.items():
+        yield Property(f"LineTiming, {name}", "samples and edges of pins keep their places in the line",
+                       partial(LineEdges, partial(LineTiming, sensor, clock_hz=100e6)), 1, ("timing",))
+    # The least periods of SCLK and of the clock pin.
+    serial = partial(SpiAdc, clock_hz=20e6, slot_cycles=34)
+    yield Property("SpiAdc", "one pixel for each sample, with its word and marks",
+                   partial(SerialCapture, serial, slot_cycles=34), 34, ("adc",))
+    for latency in 1, 3:
+        parallel = partial(ParallelAdc, adc_latency=latency, slot_cycles=3, invert=True)
+        yield Property(f"ParallelAdc, latency {latency}", "one pixel for each sample, with its word and marks",
+                       partial(ParallelCapture, parallel, adc_latency=latency, slot_cycles=3),
+                       2 * parallel().latency + 6)
+    yield Property("LineBuffer, 3 pixels", "a complete line comes out once, in order, whatever comes between",
+                   partial(BufferedLine, partial(LineBuffer, 3), pixels=3), 12, solver="boolector")
+    yield Property("SpotFinder", "gaps between pixels change no result",
+                   partial(Gaps, partial(SpotFinder, 3648)), 2 * Gaps.STAGES, ("one", "other"))
+    yield Property("SpotFinder", "finish follows the last pixel by the latency",
+                   partial(Finish, partial(SpotFinder, 3648)), SpotFinder(3648).latency, ("finder",))
+
+
 def properties() -> Iterator[Property]:
     """Every ``Property``, in the order of the document."""
     for entry in OPERATORS:
@@ -110,6 +134,7 @@ def properties() -> Iterator[Property]:
         if entry.proved:
             for parameters, options in entry.rounded(entry.proved):
                 yield result(entry.claim, entry.component, parameters, options)
+    yield from lines()
     for config in CONFIGS.values():
         for module in modules_of(config):
             if module not in config.assemblies():
