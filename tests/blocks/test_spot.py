@@ -16,7 +16,10 @@ FINDERS = {"preset": SpotFinder(PIXELS), "short": SpotFinder(70, gap=1, width_ma
 
 
 def random_lines(rng, count, pixels):
-    """Lines of all kinds: noise, single pixels, constant, one to three spots of many widths."""
+    """Lines of all kinds: noise, single pixels, constant, one to three spots of many widths.
+
+    Every eighth one is noise near full scale.
+    """
     x, lines = np.arange(pixels), np.empty((count, pixels))
     for line in lines:
         kind = rng.integers(6)
@@ -31,12 +34,17 @@ def random_lines(rng, count, pixels):
             for _ in range(rng.integers(1, 4)):
                 middle, sigma = rng.uniform(-5, pixels + 5), rng.choice([1, 3, 8, 20])
                 line += rng.uniform(50, 6000) * np.exp(-((x - middle) / sigma)**2 / 2)
+    lines[::8] = rng.integers(3960, 4096, lines[::8].shape)
     return np.clip(lines, 0, 4095).astype(int)
 
 
 def levels(rng, count):
-    lo = rng.integers(0, 500, count)
-    return rng.integers(0, 200, count), lo, lo + rng.integers(0, 600, count)
+    """Black level and thresholds of lines; those of every eighth line are near full scale."""
+    black, lo = rng.integers(0, 200, count), rng.integers(0, 500, count)
+    hi = lo + rng.integers(0, 600, count)
+    lo[::8], hi[::8] = 500, 510
+    black[::8] += 3400
+    return black, lo, hi
 
 
 @pytest.mark.parametrize("name", FINDERS)

@@ -10,11 +10,25 @@ from amaranth.lib.wiring import In
 
 from .sequencer import before, driven, implies
 
-__all__ = ["BufferedLine", "Finish", "Gaps", "LineEdges", "ParallelCapture", "SerialCapture"]
+__all__ = ["BufferedLine", "Finish", "Gaps", "LineEdges", "ParallelCapture", "SerialCapture",
+           "distance"]
 
 
 def _anything(value):
     return AnySeq(len(Value.cast(value)))
+
+
+def distance(timing):
+    """Least number of cycles from an edge of SH or ST to a sample, by the places that ``LineEdges`` proves.
+
+    ``timing`` is a LineTiming. The sample is the edge of the ADC's pin.
+    """
+    events, slot = timing.events, timing.slot_cycles
+    first, last = events["first sample"], events["last sample"]
+    own = [events[name] for name in ("SH rises", "SH falls", "ST falls") if name in events]
+    # The place of exposures, in any slot; the cycles of the transfer in their line.
+    return min((first - timing.exposure_place) % slot or slot,
+               *(first + -(-max(edge - first, 0) // slot) * slot - edge for edge in own if edge <= last))
 
 
 class LineEdges(Elaboratable):
@@ -27,23 +41,10 @@ class LineEdges(Elaboratable):
       numbered from 0, with ``first`` at number 0 and ``last`` at the last number;
     - SH and ST change at the cycles of the transfer, or at the place of exposures in a slot while ICG is high;
     - ICG changes at its two cycles, and rises while the clock of the sensor is high.
-
-    ``distance`` is the least number of cycles from a change of SH or ST to a sample, by these places.
     """
 
     def __init__(self, make):
         self.timing = make()
-
-    @property
-    def distance(self):
-        """Least number of cycles from an edge of SH or ST to the pin of the ADC that samples."""
-        timing = self.timing
-        events, slot = timing.events, timing.slot_cycles
-        first, last = events["first sample"], events["last sample"]
-        own = [events[name] for name in ("SH rises", "SH falls", "ST falls") if name in events]
-        # The place of exposures, in any slot; the cycles of the transfer in their line.
-        return min([(first - timing.exposure_place) % slot,
-                    *(first + -(-max(edge - first, 0) // slot) * slot - edge for edge in own if edge <= last)])
 
     def elaborate(self, platform):
         m, timing = Module(), self.timing

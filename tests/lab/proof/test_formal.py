@@ -9,6 +9,7 @@ from amaranth.hdl import Assert, Cover
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from strapdown.blocks import SENSORS, LineTiming, SpotFinder
 from strapdown.cordic.component import CordicComponent
 from strapdown.cordic.sincos import CordicSinCos
 from strapdown.cores import THESIS, operators, system_of, top
@@ -17,6 +18,7 @@ from strapdown.kernel.engine import Engine
 from strapdown_lab.proof import formal
 from strapdown_lab.proof.arithmetic import FloatResult
 from strapdown_lab.proof.handshake import IterativeHandshake, IterativeRecovery, PipelineAlignment, VendorHold
+from strapdown_lab.proof.lines import Gaps, LineEdges, distance
 from strapdown_lab.proof.sequencer import UpdateTiming
 from strapdown_lab.proof.solver import Property, prove, solver_missing
 
@@ -31,6 +33,8 @@ pytestmark = [pytest.mark.formal, pytest.mark.skipif(bool(solver_missing()), rea
     r"^vendor less: ",
     r"^Engine, quaternion_j2 QUAT_direct: ",
     r"^StreamEngine, quaternion_j2 QUAT_direct_x8: ",
+    r"^LineTiming, s11639: ",
+    r"^SpotFinder: ",
 ])
 def test_properties_hold(pattern, tmp_path):
     props = formal.chosen(pattern)
@@ -90,6 +94,34 @@ class PatientEngine(Engine):
 def test_latency_that_is_not_that_of_an_update_is_found(tmp_path):
     engine = partial(PatientEngine, system_of("INS_matx", THESIS), THESIS.engine_pool)
     assert_refuted(Property("patient", "", partial(UpdateTiming, engine), 1, ("engine",)), tmp_path)
+
+
+def test_sample_at_another_place_is_found(tmp_path, monkeypatch):
+    timing = partial(LineTiming, SENSORS["s11639"], clock_hz=100e6)
+    monkeypatch.setattr(LineEdges, "place", lambda self, s: (s["beat"], (s["slot"] + 1) * 20 + s["beat"]))
+    assert_refuted(Property("late", "", partial(LineEdges, timing), 1, ("timing",)), tmp_path)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_distance_of_edges_and_samples(name):
+    """The proof gives places of edges and samples; by these, an edge of SH or ST is never on a sample."""
+    timing = LineTiming(SENSORS[name], clock_hz=100e6)
+    assert distance(timing) == timing.guard > 0
+
+
+class HastyFinder(SpotFinder):
+    """A finder that looks at the mark of a pixel while none is valid."""
+
+    def elaborate(self, platform):
+        m = super().elaborate(platform)
+        with m.If(~self.pixels.valid):
+            m.d.sync += self.found.eq(self.found | self.pixels.p.last)
+        return m
+
+
+def test_result_that_depends_on_gaps_is_found(tmp_path):
+    assert_refuted(Property("hasty", "", partial(Gaps, partial(HastyFinder, 256)), 2 * Gaps.STAGES, ("one", "other")),
+                   tmp_path)
 
 
 class Quiet(wiring.Component):
