@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import unicodedata
 from enum import Enum
 from functools import partial
@@ -17,7 +18,8 @@ from .lint import waivers
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
-ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "ᵀ": "^T", "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
+ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "³": "^3", "ᵀ": "^T", "−": "-", "√": "sqrt",
+                       "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
 """Replacements for common characters outside ASCII. Old tools read Verilog, comments included, as ASCII."""
 
 LINE_LENGTH = 104
@@ -150,11 +152,18 @@ def _short(line):
 
 
 def _ascii(text):
-    """Text in printable ASCII: letters without accents, escapes for all other characters."""
+    """Text in printable ASCII: letters without accents, Greek letters by name, escapes for all other characters."""
     plain = "".join(char for char in unicodedata.normalize("NFKD", text.translate(ASCII))
                     if not unicodedata.combining(char))
+    plain = re.sub("([Α-Ωα-ω])(?=([^\\W_])?)", _greek, plain)
     return "".join(char if char.isascii() and char.isprintable() else char.encode("unicode_escape").decode("ascii")
                    for char in plain)
+
+
+def _greek(found):
+    """The name of a Greek letter, set off from a letter or digit that follows: gamma, Phi, gamma_s."""
+    _, case, _, name = unicodedata.name(found[1]).split()[:4]
+    return (name.capitalize() if case == "CAPITAL" else name.lower()) + ("_" if found[2] else "")
 
 
 def _equation(kernel):
