@@ -11,7 +11,7 @@ from strapdown_sim.drivers.toolchain import icarus_missing
 
 BUILD = Path(__file__).parents[2] / "build" / "sim"
 CONFIGS = dict.fromkeys(ATTITUDE_CORES, "thesis") | {
-    "INS_flight": "flight", "QUAT_direct": "quaternion_j2", "SINS_top": "sins"}
+    "INS_flight": "flight", "QUAT_direct": "quaternion_j2", "SINS_top": "sins", "OPT_attitude": "optical_tcd1304"}
 OWN_BENCHES = {module: f"strapdown_sim.bench.bench_{module.lower()}"
                for module in ("INS_top", "INS_flight", "QUAT_direct", "SINS_top")}
 # `make test` has most modules on Icarus only, because tests/cores runs their circuits in Verilator anyway.
