@@ -93,7 +93,8 @@ def optical(source: Source, config: OpticalConfig, directory: str | os.PathLike,
     """Run lines through OPT_top in Verilator, from power-up, and write what happened.
 
     The function writes the core's ``.v`` and ``.json``; ``summary.json``; ``angles.csv`` (t, the middle of the roll
-    sensor's exposure, in seconds; angles in degrees; positions in pixels; peaks in counts; exposures in µs; status);
+    sensor's exposure, in seconds; angles in degrees; positions in pixels, nan before the first; peaks in counts;
+    exposures in µs; status);
     and the pictures ``lines.png``, ``angles.png``, ``exposure.png`` and, for a flight, ``budget.png``. The files are
     moved into the folder after all are written. If the run fails or is interrupted, the folder does not change.
 
@@ -232,7 +233,8 @@ def _written(source, bench, run, folder, shown):
         "t": (time_s, 7), "roll": (angles.roll, 6), "pitch": (angles.pitch, 6),
         "roll_measured": (measured.roll, 6), "pitch_measured": (measured.pitch, 6),
         **({"roll_true": (truth.roll, 6), "pitch_true": (truth.pitch, 6)} if truth else {}),
-        "roll_px": (spots[0].position / 4096, 4), "pitch_px": (spots[1].position / 4096, 4),
+        **{f"{axis}_px": (np.where(own.position < 0, np.nan, own.position / 4096), 4)
+           for axis, own in zip(Turned._fields, spots, strict=True)},
         "roll_peak": (spots[0].results["peak"], 0), "pitch_peak": (spots[1].results["peak"], 0),
         "roll_exposure_us": (exposures[:, 0], 2), "pitch_exposure_us": (exposures[:, 1], 2), "status": (run.status, 0)})
     if len(run.cycle):

@@ -57,15 +57,18 @@ def writing(*places):
         raise UserError(f"cannot write to {[*named, *places][0]}: {error.strerror or error}") from None
 
 
-def config_options(function):
-    """The options ``--config`` and ``--set``: arguments ``config_name`` and ``changes`` of the command."""
+def config_options(function, default="the first that contains the module, else thesis"):
+    """The options ``--config`` and ``--set``: arguments ``config_name`` and ``changes`` of the command.
+
+    ``default`` says in the help which configuration the command takes without ``--config``.
+    """
     function = click.option(
         "--set", "changes", metavar="FIELD=VALUE", multiple=True,
         help="Change a field of the configuration, as in --set kp=1. May be repeated.")(function)
     return click.option(
         "--config", "config_name", metavar="NAME|FILE.py:NAME", default=None,
         help="A configuration of 'strapdown list', or one in your own Python file.  "
-             "[default: the first that contains the module, else thesis]")(function)
+             f"[default: {default}]")(function)
 
 
 def named_configuration(name):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import partial
 from pathlib import Path
 
 import click
@@ -20,7 +21,7 @@ DEFAULT = "optical_s11639"
 
 @click.command()
 @click.argument("source", default="f", metavar="[FLIGHT|FILE]")
-@config_options
+@partial(config_options, default=DEFAULT)
 @click.option("--lines", type=click.IntRange(min=2), default=None, metavar="N",
               help="Lines to run.  [default: 200, or all lines of FILE]")
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), default=None, metavar="S",
@@ -45,14 +46,14 @@ def optical(source, config_name, changes, lines, seconds, output, camera, calibr
     FLIGHT is a letter from a to g: the rotor of the gyro, rays of light and noise make each line, and the models of
     sensors and ADCs check the timing at their pins. FILE holds recorded lines: .npz with the arrays roll and pitch, a
     row for each line; or .csv or .png, whose rows have the pixels of the roll sensor and then those of the pitch
-    sensor. The default is flight f. The configuration is optical_s11639 unless --config names another one.
+    sensor. The default is flight f.
 
     Pictures in the folder: lines.png shows lines with threshold, run and centre of gravity; angles.png the angles and
     their errors; budget.png the parts of the error; exposure.png exposure, peak and status. angles.csv and summary.json
     have the numbers.
 
-    A run takes about a second for each million clock cycles or two. A slower clock with the same sensor saves time, as
-    in --set clock_hz=20e6.
+    A run takes about half a second for each million clock cycles. A slower clock with the same sensor saves time, as in
+    --set clock_hz=50e6.
     """
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.instrument.errors import InstrumentError

@@ -165,12 +165,12 @@ class PinBench:
         # The sample's edge comes a cycle after ``sample``, and the finish is seen in the cycle before it can be read.
         self._update = core.latency - 1
         self._delay = capture(config, self.timing).latency + self._update
-        modules = {TOP: core.ports}
+        self._period_ps = round(1e12 / config.clock_hz)
         self.driver = PinDriver(
-            verilog_text(core, config), modules, build, sensor=config.sensor, adc=config.adc,
+            verilog_text(core, config), {TOP: core.ports}, build, sensor=config.sensor, adc=config.adc,
             adc_latency=config.adc_latency, pixels=SENSORS[config.sensor].pixels, event="out_attitude_finish",
             event_rises=True, middle="out_middle", uart="uart_tx", divisor=round(config.clock_hz / config.baud_rate),
-            period_ps=round(1e12 / config.clock_hz))
+            period_ps=self._period_ps)
 
     def actions(self, calibration: Mapping[str, float], inertial: Inertial) -> list[tuple[int, str, int]]:
         """Actions of a run: reset, calibration, ``in_run_en``, and samples."""
@@ -253,7 +253,8 @@ class PinBench:
             position, base = placed(own.position).T
             inputs |= {f"in_{name}_position": position, f"in_{name}_base": base,
                        f"in_{name}_peak": counted(own.results["peak"])}
-        inputs["in_exposure_r"] = counted([round(roll.exposure_s * run.config.clock_hz) for roll, _ in run.seen])
+        exposures = [(roll.closed_ps - roll.opened_ps) // self._period_ps for roll, _ in run.seen]
+        inputs["in_exposure_r"] = counted(exposures)
         flags = {f"{name}_missing": ~own.good for name, own in zip(("roll", "pitch"), spots, strict=True)}
         flags |= {name: np.logical_or.reduce([own.good & (own.results[name] > 0) for own in spots])
                   for name in ("several", "saturated", "edge")}
