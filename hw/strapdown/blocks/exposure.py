@@ -71,16 +71,18 @@ class ExposureControl(Described):
         exposure = Signal(width - 1, init=self._start)
         changed = Signal(width, reset_less=True)
         due = Signal()
+        # One adder: the part of the exposure that is added, or taken away.
+        part = Signal(width)
+        less = Signal()
         with m.If(self.saturated != 0):
-            m.d.sync += changed.eq(exposure - (exposure >> 1))
+            m.d.comb += [part.eq(exposure >> 1), less.eq(1)]
         with m.Elif(self.peak > TOO_HIGH):
-            m.d.sync += changed.eq(exposure - (exposure >> 3))
+            m.d.comb += [part.eq(exposure >> 3), less.eq(1)]
         with m.Elif(self.peak < TOO_LOW):
-            m.d.sync += changed.eq(exposure << 1)
+            m.d.comb += part.eq(exposure)
         with m.Elif(self.peak < LOW):
-            m.d.sync += changed.eq(exposure + (exposure >> 2))
-        with m.Else():
-            m.d.sync += changed.eq(exposure)
+            m.d.comb += part.eq(exposure >> 2)
+        m.d.sync += changed.eq(exposure + (part ^ less.replicate(width)) + less)
         m.d.sync += due.eq(self.update)
         with m.If(due):
             m.d.sync += exposure.eq(Mux(changed < self._least, self._least,
