@@ -36,6 +36,7 @@ from .faults.tables import cores_table, places_tables
 from .markdown import markdown_table
 from .report.families import family_lines, family_table
 from .report.pages import PAGES, flags_table, index_table, page_text
+from .report.sensors import sensor_blocks
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 from .studies.accuracy import figure_table
 from .studies.airliner import airliner_table
@@ -254,6 +255,7 @@ def main():
     write_blocks(ROOT / "docs" / "quaternion.md", quaternion_blocks())
     write_blocks(ROOT / "docs" / "sins.md", {"configurations": sins_block()})
     write_blocks(ROOT / "docs" / "operators.md", {"vendor operators": vendor_block()})
+    write_blocks(ROOT / "docs" / "sensors.md", sensor_blocks())
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text, encoding="utf-8")
