@@ -128,10 +128,12 @@ def test_light_that_is_not_good(bench):
     bench = bench("optical_s11639")
     lost, ghost_near, ghost_far, two = range(10, 110), range(120, 124), range(128, 132), range(136, 140)
     edge, ambient, gradient, bright = range(144, 148), range(152, 158), range(162, 168), range(172, 184)
+    dark = range(196, 200)
     faults = {lost: {"laser": False}, ghost_near: {"ghost": 0.2, "ghost_px": 40.0},
               ghost_far: {"ghost": 0.2, "ghost_px": 150.0}, two: {"ghost": 0.9, "ghost_px": -300.0},
-              edge: {"position": 1.5}, ambient: {"ambient": 0.3}, gradient: {"gradient": 0.1}, bright: {"light": 8.0}}
-    run = run_of(bench, 196, Studio(faults))
+              edge: {"position": 1.5}, ambient: {"ambient": 0.3}, gradient: {"gradient": 0.1}, bright: {"light": 8.0},
+              dark: {"light": 0.0}}
+    run = run_of(bench, 212, Studio(faults))
     twin, (roll, _) = bench.twin(run)
     assert bench.differing_bits(run, twin) == 0
     # No spot: its bit, the last good position, and the other sensor goes on.
@@ -155,9 +157,27 @@ def test_light_that_is_not_good(bench):
     # Saturated: the exposure is halved until it is right.
     assert flags(run, "saturated", bright[:2]) == {True}
     assert flags(run, "saturated", bright[8:]) == {False}
-    good = sorted(set(range(1, 196)) - {row for rows in faults for row in rows}
-                  - set(range(110, 119)) - set(range(184, 193)) - {158, 168})
+    # The lasers are off.
+    assert set(run.status[list(dark)]) == {3}
+    good = sorted(set(range(1, 212)) - {row for rows in faults for row in rows}
+                  - set(range(110, 119)) - set(range(184, 193)) - set(range(200, 209)) - {158, 168})
     assert set(run.status[good]) == {0}
+
+
+def test_line_buffer(bench, models):
+    """Equal bits with and without a line buffer, whenever samples come; and whole lines can be read."""
+    plain = bench("optical_s11639")
+    buffered = PinBench(plain.config.replace(mode="buffered"), models)
+    index = 901
+    runs = [run_of(each, 10, Studio({}), samples=inertial(plain, 10, each=24),
+                   actions=[(0, "in_read_index", index)] * (each is buffered)) for each in (plain, buffered)]
+    for port, values in runs[0].pins.events.items():
+        if port != "cycle":
+            assert np.array_equal(values, runs[1].pins.events[port]), port
+    assert set(runs[1].cycle - runs[0].cycle) == {buffered.core.latency - plain.core.latency}
+    assert buffered.differing_bits(runs[1]) == 0
+    assert np.array_equal(runs[1].pins.events["out_read_pixel"], runs[1].light[0, :, index])
+    assert set(runs[1].pins.events["out_line_ready"]) == {1}
 
 
 def test_exposure_from_a_fortieth_to_forty_times(bench):

@@ -196,8 +196,8 @@ def test_lines_of_si(programs):
     assert rules == set()
     first, second = ([row for row in levels if row[2] == line] for line in (1, 2))
     assert [row[:2] for row in first] == [[1000 * (2000 + 200 * j), v] for j, v in enumerate((*IMAGE, 0))]
-    # The exposure begins 18 clocks after SI and ends when SI rises again.
-    assert second[0][3:] == [1000 * (2000 + 18 * 200), 71_950_000]
+    # The exposure begins 18 clocks after SI has risen, and ends when it rises again.
+    assert second[0][3:] == [1000 * (1950 + 18 * 200), 71_950_000]
 
 
 @pytest.mark.parametrize(("rule", "changes"), [

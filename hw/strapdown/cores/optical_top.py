@@ -157,7 +157,7 @@ class OpticalTop(Assembled):
 
         missing = C(0)
         if self._sums:
-            missing = self._sum(m, self._sums, pixels.valid & pixels.p.last, seen[0] & seen[1])
+            missing = self._sum(m, self._sums, adc.pixels.valid & adc.pixels.p.last, seen[0] & seen[1])
 
         def either(name):
             return Cat(each & getattr(found, name).any()

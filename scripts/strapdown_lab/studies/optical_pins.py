@@ -29,19 +29,29 @@ FLIGHT = "f"
 
 
 class Run(NamedTuple):
-    """Lines of a configuration in Verilator, and how many of them run in Icarus Verilog too."""
+    """Lines of a configuration in Verilator, how many of them run in Icarus Verilog too, and fields that change."""
 
     config: str
     lines: int
-    icarus: int
+    icarus: int = 0
+    changes: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def name(self):
+        """The configuration with its changes, for tables."""
+        return " ".join((self.config, *(f"{field}={value}" for field, value in self.changes)))
 
 
-RUNS = Run("optical_s11639", 10_000, 10), Run("optical_tcd1304", 300, 1)
+RUNS = (Run("optical_s11639", 10_000, 10), Run("optical_tcd1304", 300, 1),
+        Run("optical_s11639", 200, 0, (("mode", "buffered"),)),
+        Run("optical_s11639", 200, 0, (("compensation", "patent"),)),
+        Run("optical_s11639", 500, 0, (("sensor", "tsl1402"), ("send_every", 3))))
+"""The runs of the table; the first two are those for which errors are promised."""
 
 
 def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
     """Figures of a run, as JSON values."""
-    config = CONFIGS[run.config]
+    config = CONFIGS[run.config].replace(**dict(run.changes))
     assert isinstance(config, OpticalConfig)
     bench, sensor = PinBench(config, build), SENSORS[config.sensor]
     scene = Scene(FLIGHTS[FLIGHT], pixels=sensor.pixels, pitch_um=sensor.pitch_um, exposure_s=config.exposure_us * 1e-6,
@@ -57,9 +67,9 @@ def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
     true = scene.at(middles[0]).roll_px, scene.at(middles[1]).pitch_px
     position = np.concatenate([(own.position / 4096 - px)[own.good] for own, px in zip(spots, true, strict=True)])
     return {
-        "config": run.config, "flight": FLIGHT, "lines": run.lines, "updates": len(found.cycle),
+        "config": run.name, "flight": FLIGHT, "lines": run.lines, "updates": len(found.cycle),
         "seconds": run.lines / config.sample_rate_hz, "icarus_lines": run.icarus,
-        "icarus_differences": _icarus_differences(bench, scene, source, run.icarus),
+        "icarus_differences": _icarus_differences(bench, scene, source, run.icarus) if run.icarus else 0,
         "differing_bits": bench.differing_bits(found, twin), "timing_violations": len(found.pins.violations),
         "frames": len(frames), "frames_lost": decoder.lost, "frames_differing": bench.frames_differing(frames, twin),
         "line_periods": sorted({int(period) for period in np.diff(found.cycle)}),

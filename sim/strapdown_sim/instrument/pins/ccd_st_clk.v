@@ -3,7 +3,7 @@
 // START_SAMPLED = 0 (Hamamatsu S11639): the exposure lasts while ST is high, and EXPOSURE_CLOCKS longer. The read-out
 // begins when ST falls; pixel 1 begins at the LEADth rising edge of CLK after that.
 // START_SAMPLED = 1 (ams TSL1402): ST is the pin SI, whose rise ends the exposure. The rising edge of CLK at which it is
-// high begins the read-out, and pixel 1. The next exposure begins EXPOSURE_CLOCKS later.
+// high begins the read-out, and pixel 1. The next exposure begins EXPOSURE_CLOCKS after the rise.
 // In both, a pixel takes one CLK. Parameters of time are in nanoseconds. Times at ports are in picoseconds.
 `timescale 1ps / 1ps
 
@@ -122,7 +122,6 @@ module ccd_st_clk #(
       show(LEAD);
     end else begin
       if (START_SAMPLED && raised && $time - st_fell < 1000 * SETUP_MIN) broken(START_SETUP);
-      if (START_SAMPLED && clocks == EXPOSURE_CLOCKS) exposing = $time;
       if (reading) begin
         show(slot + 1);
         reading = slot != LEAD + PIXELS;
@@ -134,7 +133,10 @@ module ccd_st_clk #(
     if (!START_SAMPLED && started && $time - st_fell < LOW_MIN * period) broken(START_LOW);
     raised = 1;
     st_rose = $time;
-    if (START_SAMPLED) transfer(exposing, $time);
+    if (START_SAMPLED) begin
+      transfer(exposing, $time);
+      exposing = $time + EXPOSURE_CLOCKS * period;
+    end
   end
 
   always @(negedge st) if (raised) begin
