@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from strapdown_sim.instrument.calibration import SET_A, SET_B, Calibration
+from strapdown_sim.instrument.image import LineCamera
 from strapdown_sim.reference.optical import (
     angles_of_pixels,
     attitude,
@@ -157,18 +158,45 @@ def test_spot_run_ends_after_five_dark_pixels(apart, several):
     assert found.width == (1 if several else apart + 1)
 
 
-def test_spot_run_ends_at_its_largest_width():
-    found = spot(np.full(2048, 1000), 0, 40, 80)
-    assert (found.width, found.several, found.edge) == (1024, True, True)
-    assert found.position == int(511.5 * 4096)
+def test_spot_is_not_as_wide_as_the_largest_width():
+    """Background light is no spot. A run that is cut goes on as another one."""
+    line = np.zeros(2048, int)
+    line[100:1123] = 1000
+    assert spot(line, 0, 40, 80)[:4] == (True, 611 * 4096, 1000, 1023)
+    line[1123] = 1000
+    assert not spot(line, 0, 40, 80).found
+    line[1124:1200] = 1000
+    assert spot(line, 0, 40, 80)[:4] == (True, int(1161.5 * 4096), 1000, 76)
 
 
 def test_spot_missing():
     line = np.full(128, 100)
     line[50] = 180
-    assert spot(line, 100, 40, 80) == (False, 0, 0, 0, 0, 0, False, False, 100)
+    assert spot(line, 100, 40, 80) == (False, 0, 0, 0, 0, 0, False, False, 100, 80, 0)
     line[50] = 181
     assert spot(line, 100, 40, 80).found
+
+
+def test_peak_of_a_line():
+    """It counts outside of runs too, and is not negative."""
+    line = np.full(128, 100)
+    line[[3, 4, 90]] = 4000, 4095, 130
+    assert spot(line, 90, 4000, 4000)[-2:] == (4005, 2)
+    assert spot(line, 4095, 40, 80)[-2:] == (0, 2)
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("gradient", [0.0, 0.1, 0.2])
+def test_line_is_found_in_background_light(ambient, gradient):
+    """From 1/40 to 40 times the right exposure; the rules of black level, thresholds and exposure work together."""
+    for place, factor in (500, 1.0), (1500, 1 / 40), (2500, 40.0):
+        camera = LineCamera(3648, ambient=ambient, gradient=gradient, prnu=0.02)
+        exposure, black, levels = int(100_000 * factor), 0, thresholds(0)
+        for _ in range(14):
+            found = spot(camera.charge(place, exposure * 1e-9), black, *levels)
+            black, levels = found.black, thresholds(found.line_peak)
+            exposure = next_exposure(exposure, found.line_peak, found.line_saturated, 1_000, 7_400_000)
+        assert found.position / 4096 == pytest.approx(place, abs=2)
 
 
 @pytest.mark.parametrize("end", [0, 127])

@@ -161,7 +161,7 @@ class Spot(NamedTuple):
     Fields
     ------
     found : bool
-        A run is valid. Without one all fields below are zero, except ``black``.
+        A run is valid. Without one all fields below are zero, except the last three.
     position : int
         Centre of gravity, 2**-12 pixels.
     peak, width, sum, saturated : int
@@ -171,6 +171,9 @@ class Spot(NamedTuple):
         More than one run is valid; the run that is used touches an end of the line.
     black : int
         Least mean of the line's blocks of 64 pixels, for the next line.
+    line_peak, line_saturated : int
+        Of the whole line: largest count above the black level, at least zero; pixels of 4,000 counts or more. They
+        set the next line's thresholds and exposure, so that background light in a run cannot hold them.
     """
 
     found: bool
@@ -182,6 +185,8 @@ class Spot(NamedTuple):
     several: bool
     edge: bool
     black: int
+    line_peak: int
+    line_saturated: int
 
 
 def spot(line, black, lo, hi, *, gap=5, width_max=1024):
@@ -189,14 +194,16 @@ def spot(line, black, lo, hi, *, gap=5, width_max=1024):
 
     A pixel counts if it is more than ``lo`` above ``black``. A run starts at such a pixel; it ends after ``gap``
     pixels in a row that do not count, at ``width_max`` pixels, or with the line. It is valid if its largest count
-    above black is more than ``hi``. The run with the largest sum is used, the first of equals.
+    above black is more than ``hi`` and its width is less than ``width_max``: a wider one is background light. The
+    run with the largest sum is used, the first of equals.
     """
     line = [int(count) for count in line]
     valid = [run for run in _runs(line, black, lo, gap, width_max)
-             if max(line[i] for i in run) - black > hi]
+             if max(line[i] for i in run) - black > hi and run[-1] - run[0] + 1 < width_max]
+    whole = max(max(line) - black, 0), sum(count >= SATURATED for count in line)
     least = min(sum(line[i:i + BLOCK]) // BLOCK for i in range(0, len(line) - BLOCK + 1, BLOCK))
     if not valid:
-        return Spot(False, 0, 0, 0, 0, 0, False, False, least)
+        return Spot(False, 0, 0, 0, 0, 0, False, False, least, *whole)
     weights = [{i: line[i] - black - lo for i in run} for run in valid]
     totals = [sum(weight.values()) for weight in weights]
     best = totals.index(max(totals))
@@ -205,7 +212,7 @@ def spot(line, black, lo, hi, *, gap=5, width_max=1024):
     moment = sum((i - start) * weight[i] for i in run)
     return Spot(True, start * 2**12 + moment * 2**12 // total, max(line[i] for i in run) - black,
                 run[-1] - start + 1, total, sum(line[i] >= SATURATED for i in run), len(valid) > 1,
-                start == 0 or run[-1] == len(line) - 1, least)
+                start == 0 or run[-1] == len(line) - 1, least, *whole)
 
 
 def _runs(line, black, lo, gap, width_max):
@@ -224,13 +231,13 @@ def _runs(line, black, lo, gap, width_max):
 
 
 def thresholds(peak_before, *, lo_min=40, shift=2):
-    """lo and hi of a line, counts above black, from the peak of the line before, 0 if that had none."""
+    """lo and hi of a line, counts above black, from the largest count above black of the line before."""
     lo = max(lo_min, peak_before >> shift)
     return lo, max(2 * lo_min, lo + (lo >> 1))
 
 
 def next_exposure(exposure, peak, saturated, least, most):
-    """Exposure of the next line, in integer steps, from peak and saturated pixels of this one; zero without a run."""
+    """Exposure of the next line, in integer steps, from ``line_peak`` and ``line_saturated`` of this one."""
     if saturated:
         exposure -= exposure >> 1
     elif peak > 3_200:
