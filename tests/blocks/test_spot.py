@@ -11,7 +11,8 @@ from strapdown_sim.reference.optical import spot, thresholds
 from .support import run_blocks, stream_of
 
 PIXELS = 256
-RESULTS = "found", "position", "peak", "width", "sum", "saturated", "several", "edge", "black_next"
+RESULTS = ("found", "position", "peak", "width", "sum", "saturated", "several", "edge", "black_next", "line_peak",
+           "line_saturated")
 FINDERS = {"preset": SpotFinder(PIXELS), "short": SpotFinder(70, gap=1, width_max=9)}
 
 
@@ -146,10 +147,12 @@ CASES = {
     "last pixel": (line_with((2047, 200)), {"edge": 1, "position": 2047 << 12}),
     "last but one": (line_with((2046, 200)), {"edge": 0, "position": 2046 << 12}),
     "saturated": (line_with((500, [3999, 4000, 4095])), {"saturated": 2, "peak": 3995, "width": 3}),
-    "cut at 1,024": (line_with((500, [200] * 1024)), {"width": 1024, "several": 0, "sum": 1024 * 60}),
-    "cut, and again": (line_with((500, [200] * 1030)), {"width": 1024, "several": 1, "position": 2023 * 2048}),
-    "1,023 pixels": (line_with((500, [200] * 1023)), {"width": 1023, "several": 0}),
-    "full scale": (line_with((0, [4095] * 2048), base=0), {"width": 1024, "sum": 1024 * 3955, "saturated": 1024}),
+    "1,023 pixels": (line_with((500, [200] * 1023)), {"width": 1023, "several": 0, "sum": 1023 * 60}),
+    "cut at 1,024": (line_with((500, [200] * 1024)), {"found": 0, "width": 0, "sum": 0, "line_peak": 100}),
+    "cut, and again": (line_with((500, [200] * 1030)), {"width": 6, "several": 0, "position": 3053 * 2048}),
+    "full scale": (line_with((0, [4095] * 2048), base=0), {"found": 0, "line_peak": 3995, "line_saturated": 1}),
+    "dark": (line_with(base=90), {"found": 0, "line_peak": 0, "line_saturated": 0}),
+    "peak outside of runs": (line_with((9, 130)), {"found": 0, "peak": 0, "line_peak": 30}),
     "darkest block": (line_with((64, [37] * 63 + [101])), {"black_next": (37 * 63 + 101) // 64, "found": 0}),
 }
 
@@ -180,7 +183,7 @@ def test_consecutive_lines():
         wanted = spot(line, black, lo, hi)
         assert [int(tracked[result][number]) for result in RESULTS] == list(map(int, wanted))
         assert [int(tracked[name][number]) for name in ("black", "lo", "hi", "known")] == [black, lo, hi, number > 0]
-        black, peak = wanted.black, wanted.peak
+        black, peak = wanted.black, wanted.line_peak
 
 
 @pytest.mark.parametrize(("options", "message"), [

@@ -172,7 +172,7 @@ def test_spot_is_not_as_wide_as_the_largest_width():
 def test_spot_missing():
     line = np.full(128, 100)
     line[50] = 180
-    assert spot(line, 100, 40, 80) == (False, 0, 0, 0, 0, 0, False, False, 100, 80, 0)
+    assert spot(line, 100, 40, 80) == (False, 0, 0, 0, 0, 0, False, False, 100, 80, False)
     line[50] = 181
     assert spot(line, 100, 40, 80).found
 
@@ -181,8 +181,8 @@ def test_peak_of_a_line():
     """It counts outside of runs too, and is not negative."""
     line = np.full(128, 100)
     line[[3, 4, 90]] = 4000, 4095, 130
-    assert spot(line, 90, 4000, 4000)[-2:] == (4005, 2)
-    assert spot(line, 4095, 40, 80)[-2:] == (0, 2)
+    assert spot(line, 90, 4000, 4000)[-2:] == (4005, True)
+    assert spot(line, 4095, 40, 80)[-2:] == (0, True)
 
 
 @pytest.mark.parametrize("ambient", [0.0, 0.1, 0.3])

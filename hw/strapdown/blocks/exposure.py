@@ -34,8 +34,8 @@ class ExposureControl(Described):
     -------
     update : In(1)
         High for one cycle with the results of a line.
-    peak, saturated : In(12)
-        Results of SpotFinder; both are zero if no run was valid, so the exposure grows.
+    peak, saturated : In(12), In(1)
+        Results of SpotFinder: ``line_peak`` and ``line_saturated``. In the dark the exposure grows.
     exposure : Out(24)
         Exposure, cycles; the new one two cycles after ``update``.
 
@@ -50,7 +50,7 @@ class ExposureControl(Described):
                              f"not from {least} to {most}")
         if not self._least <= self._start <= self._most:
             raise ValueError(f"exposure must start within {least} and {most} cycles, not at {start}")
-        super().__init__({"update": In(1), "peak": In(PIXEL_WIDTH), "saturated": In(PIXEL_WIDTH),
+        super().__init__({"update": In(1), "peak": In(PIXEL_WIDTH), "saturated": In(1),
                           "exposure": Out(EXPOSURE_WIDTH, init=self._start)})
 
     def compute(self, exposure, peak, saturated):
@@ -74,7 +74,7 @@ class ExposureControl(Described):
         # One adder: the part of the exposure that is added, or taken away.
         part = Signal(width)
         less = Signal()
-        with m.If(self.saturated != 0):
+        with m.If(self.saturated):
             m.d.comb += [part.eq(exposure >> 1), less.eq(1)]
         with m.Elif(self.peak > TOO_HIGH):
             m.d.comb += [part.eq(exposure >> 3), less.eq(1)]

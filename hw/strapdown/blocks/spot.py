@@ -27,7 +27,8 @@ class SpotFinder(Described):
 
     A pixel of value v counts if d = v - black > lo; its weight is w = d - lo. A run begins with a pixel that counts. It
     ends after ``gap`` pixels in a row that do not, at ``width_max`` pixels, or with the line. It is valid if its
-    largest d is above hi. The valid run with the largest sum of weights wins, the first one of equals.
+    largest d is above hi and its width less than ``width_max``: a wider one is background light. The valid run with the
+    largest sum of weights wins, the first one of equals.
 
     Parameters
     ----------
@@ -52,14 +53,18 @@ class SpotFinder(Described):
         Position of the spot in pixels, 12 bits of fraction: the mean of the pixel numbers, weighted, rounded down.
         The first pixel is 0.
     peak, width, saturated : Out(12)
-        Of the winning run: largest d; pixels from its first to its last pixel that counts, ``width_max`` if it was cut
-        while they counted; pixels of at least 4000 that count.
+        Of the winning run: largest d; pixels from its first to its last pixel that counts; pixels of at least 4000
+        that count.
     sum : Out(22)
         Sum of the weights of the winning run.
     several, edge : Out(1)
         More than one run is valid; the winning run holds the first or the last pixel of the line.
     black_next : Out(12)
         Least mean of the 64-pixel blocks of the line, rounded down.
+    line_peak : Out(12)
+        Largest d of all pixels of the line, at least 0.
+    line_saturated : Out(1)
+        A pixel of the line is at least 4000.
 
     Latency: ``latency`` cycles from the last pixel of a line to ``finish``, whatever the line holds. A line that begins
     earlier takes away the results of the line before.
@@ -74,7 +79,7 @@ class SpotFinder(Described):
             "pixels": In(PixelStream(1)), **dict.fromkeys(("black", "lo", "hi"), In(PIXEL_WIDTH)),
             "finish": Out(1), "found": Out(1), "position": Out(PIXEL_WIDTH + FRACTION), "peak": Out(PIXEL_WIDTH),
             "width": Out(12), "sum": Out(22), "saturated": Out(12), "several": Out(1), "edge": Out(1),
-            "black_next": Out(PIXEL_WIDTH)})
+            "black_next": Out(PIXEL_WIDTH), "line_peak": Out(PIXEL_WIDTH), "line_saturated": Out(1)})
 
     @property
     def line(self):
@@ -111,7 +116,7 @@ class SpotFinder(Described):
         black, lo, hi : int or ndarray of int, shape (...)
             Black level and thresholds of each line.
 
-        Returns: dict of int64 arrays, shape (...), with a key for each result: ``found`` to ``black_next``.
+        Returns: dict of int64 arrays, shape (...), with a key for each result: ``found`` to ``line_saturated``.
         Raises: ValueError for lines of another length.
         """
         lines = np.asarray(lines)
@@ -125,7 +130,10 @@ class SpotFinder(Described):
         rows = [self._line(line, *level) for line, level in zip(flat, levels.tolist(), strict=True)]
         columns = np.array(rows, dtype=np.int64).reshape(-1, len(RESULTS)).T
         result = {name: column.reshape(shape) for name, column in zip(RESULTS, columns, strict=True)}
-        return result | {"black_next": blocks.min(axis=-1).reshape(shape)}
+        highest = flat.max(axis=-1)
+        whole_line = {"black_next": blocks.min(axis=-1), "line_peak": np.maximum(highest - levels[:, 0], 0),
+                      "line_saturated": (highest >= FULL).astype(np.int64)}
+        return result | {name: values.reshape(shape) for name, values in whole_line.items()}
 
     def _line(self, line, black, lo, hi):
         """The results of a line, in the order of ``RESULTS``."""
@@ -139,7 +147,7 @@ class SpotFinder(Described):
         peak, width = np.maximum.reduceat(height, begins), last - first + 1
         weight = height - lo
         total = np.add.reduceat(weight, begins)
-        valid = peak > hi
+        valid = (peak > hi) & (width < self._width_max)
         if not valid.any():
             return (0,) * len(RESULTS)
         best = int(np.argmax(np.where(valid, total, 0)))
@@ -176,9 +184,10 @@ class SpotFinder(Described):
         excess = Signal(signed(PIXEL_WIDTH + 2))
         m.d.comb += [above.eq(pixel - self.black), excess.eq(above - self.lo)]
         m.d.sync += [valid.eq(pixels.valid), first.eq(pixels.p.first), last.eq(pixels.p.last), value.eq(pixel),
-                     height.eq(above), weight.eq(excess), counts.eq(excess > 0), full.eq(pixel >= FULL)]
+                     height.eq(Mux(above < 0, 0, above)), weight.eq(excess), counts.eq(excess > 0),
+                     full.eq(pixel >= FULL)]
 
-        # Stage 2: runs. ``inside`` is high if a run is open before this pixel.
+        # Stage 2: the line, and its runs. ``inside`` is high if a run is open before this pixel.
         index = Signal(PIXEL_WIDTH)
         opened = Signal()
         inside = Signal()
@@ -206,6 +215,9 @@ class SpotFinder(Described):
                          length.eq(length_now),
                          run_sum.eq(Mux(begins, 0, run_sum) + Mux(counts, weight, 0)),
                          run_saturated.eq(Mux(begins, 0, run_saturated) + (counts & full))]
+            m.d.sync += self.line_saturated.eq(full | (self.line_saturated & ~first))
+            with m.If(first | (height > self.line_peak)):
+                m.d.sync += self.line_peak.eq(height)
             with m.If(counts & (begins | (height > run_peak))):
                 m.d.sync += run_peak.eq(height)
             with m.If(counts):
@@ -227,7 +239,8 @@ class SpotFinder(Described):
         is_valid = Signal()
         wins = Signal()
         end = Signal(PIXEL_WIDTH, reset_less=True)
-        m.d.comb += [is_valid.eq(ends_q & (run_peak > self.hi)), wins.eq(is_valid & (run_sum > self.sum))]
+        m.d.comb += [is_valid.eq(ends_q & (run_peak > self.hi) & (run_width != self._width_max)),
+                     wins.eq(is_valid & (run_sum > self.sum))]
 
         # Division, a bit of the quotient a cycle. R - u is the moment with ones below the point. Its bits above the
         # places of the quotient's integer are less than S0, and become the first remainder.

@@ -29,7 +29,8 @@ class Thresholds(Described):
     update : In(1)
         High for one cycle with the results of a line.
     peak, black_next : In(12)
-        Results of SpotFinder; the peak is zero if no run was valid.
+        Results of SpotFinder: ``line_peak`` and ``black_next``. Background light can hold the thresholds if the peak is
+        that of a run.
     black, lo, hi : Out(12)
         Inputs of SpotFinder for the next line, two cycles after ``update``. After a reset: 0 and the least values.
     known : Out(1)
@@ -74,7 +75,7 @@ class Thresholds(Described):
         for number, line in enumerate(lines):
             found = finder.compute(line, black, lo, hi)
             rows.append(found | {"black": black, "lo": lo, "hi": hi, "known": int(number > 0)})
-            black, (lo, hi) = int(found["black_next"]), map(int, self.compute(found["peak"]))
+            black, (lo, hi) = int(found["black_next"]), map(int, self.compute(found["line_peak"]))
         return {name: np.array([row[name] for row in rows], dtype=np.int64) for name in rows[0]}
 
     def elaborate(self, platform):

@@ -246,7 +246,7 @@ def finder(config):
 def opt_spot(config):
     """OPT_spot for an OpticalConfig."""
     spot = finder(config)
-    results = {"found": "a run is valid; without one all results but out_black are zero",
+    results = {"found": "a run is valid; without one all results down to out_edge are zero",
                "position": f"position of the spot, pixels with {FRACTION} bits of fraction",
                "peak": "largest light of the spot above black, counts",
                "width": "pixels of the spot", "sum": "sum of the weights of the spot",
@@ -258,7 +258,9 @@ def opt_spot(config):
             ("hi", "threshold of the peak above black, counts"))} | {
         Port("out_spot_finish", Out, 1, "high when the results are valid; falls with the first pixel"): "finish"} | {
         Port(f"out_{name}", Out, len(getattr(spot, name)), meaning): name for name, meaning in results.items()} | {
-        Port("out_black", Out, PIXEL_WIDTH, "black level for the next line, counts"): "black_next"}
+        Port("out_black", Out, PIXEL_WIDTH, "black level for the next line, counts"): "black_next",
+        Port("out_line_peak", Out, PIXEL_WIDTH, "largest light of the line above black, counts"): "line_peak",
+        Port("out_line_saturated", Out, 1, "a pixel of the line is saturated"): "line_saturated"}
     text = (f"out_spot_finish rises {spot.latency} cycles after the last pixel, with all results, which hold until the "
             "next line. Black level and thresholds must not change from the first pixel to then.")
     return Adapter("OPT_spot", TITLES["OPT_spot"], spot, ports, latency=spot.latency, sections=(_timing(text),))

@@ -182,8 +182,9 @@ class OpticalTop(Assembled):
             found.pixels.valid.eq(pixels.valid), found.pixels.p.first.eq(pixels.p.first),
             found.pixels.p.last.eq(pixels.p.last), found.pixels.p.pixel[0].eq(pixels.p.pixel[index]),
             *(getattr(found, name).eq(getattr(thresholds, name)) for name in ("black", "lo", "hi")),
-            thresholds.update.eq(line_ends), thresholds.peak.eq(found.peak), thresholds.black_next.eq(found.black_next),
-            exposure.update.eq(line_ends), exposure.peak.eq(found.peak), exposure.saturated.eq(found.saturated),
+            thresholds.update.eq(line_ends), thresholds.peak.eq(found.line_peak),
+            thresholds.black_next.eq(found.black_next), exposure.update.eq(line_ends),
+            exposure.peak.eq(found.line_peak), exposure.saturated.eq(found.line_saturated),
             self._timing.exposure[index].eq(exposure.exposure)]
         return found
 

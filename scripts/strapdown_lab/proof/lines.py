@@ -286,7 +286,8 @@ class Gaps(Elaboratable):
     STAGES = 3
     REGISTERS = ("index", "opened", "below", "length", "run_sum", "run_peak", "run_width", "run_saturated",
                  "starts_line", "ends_line", "moment", "end", "dividend", "left", "done", "block", "finish", "found",
-                 "several", "edge", "position", "peak", "width", "sum", "saturated", "black_next")
+                 "several", "edge", "position", "peak", "width", "sum", "saturated", "black_next", "line_peak",
+                 "line_saturated")
 
     def __init__(self, make):
         self.one, self.other = make(), make()

@@ -27,10 +27,11 @@ static uint32_t noise(uint32_t below) {
 
 struct Spot {
     uint64_t found = 0, position = 0, peak = 0, width = 0, sum = 0, saturated = 0, several = 0, edge = 0, black = 0;
+    uint64_t line_peak = 0, line_saturated = 0;
     bool operator==(const Spot &other) const {
         return found == other.found && position == other.position && peak == other.peak && width == other.width &&
                sum == other.sum && saturated == other.saturated && several == other.several && edge == other.edge &&
-               black == other.black;
+               black == other.black && line_peak == other.line_peak && line_saturated == other.line_saturated;
     }
 };
 
@@ -43,6 +44,9 @@ static Spot rule(const std::vector<int> &line, int black, int lo, int hi, int ga
         for (int i = 0; i < 64; i++) sum += line[block + i];
         best.black = std::min(best.black, sum / 64);
     }
+    const int highest = *std::max_element(line.begin(), line.end());
+    best.line_peak = std::max(highest - black, 0);
+    best.line_saturated = highest >= 4000;
     for (int start = 0; start < count; start++) {
         if (line[start] - black <= lo) continue;
         // A run: its last pixel that counts, and all sums from the begin.
@@ -58,7 +62,7 @@ static Spot rule(const std::vector<int> &line, int black, int lo, int hi, int ga
             run.peak = std::max<uint64_t>(run.peak, d);
             run.saturated += line[i] >= 4000;
         }
-        if (int(run.peak) > hi) {
+        if (int(run.peak) > hi && last - start + 1 < width_max) {
             run.several = best.found;
             run.found = 1;
             if (run.sum > best.sum) {
@@ -66,6 +70,8 @@ static Spot rule(const std::vector<int> &line, int black, int lo, int hi, int ga
                 run.width = last - start + 1;
                 run.edge = start == 0 || last == count - 1;
                 run.black = best.black;
+                run.line_peak = best.line_peak;
+                run.line_saturated = best.line_saturated;
                 best = run;
             }
             best.several = run.several;
@@ -116,7 +122,7 @@ static void cycle(bool valid, bool first, bool last, int pixel) {
 static void print(const char *word, const Spot &spot) {
     printf(" %s", word);
     for (uint64_t value : {spot.found, spot.position, spot.peak, spot.width, spot.sum, spot.saturated, spot.several,
-                           spot.edge, spot.black})
+                           spot.edge, spot.black, spot.line_peak, spot.line_saturated})
         printf(" %llu", (unsigned long long)value);
 }
 
@@ -137,7 +143,7 @@ int main(int, char **arguments) {
     for (uint64_t number = 0; number < lines; number++) {
         fill(line);
         // Thresholds as from the line before, or any.
-        int black = int(before.black), lo = std::max<int>(40, before.peak >> 2), hi = std::max(80, lo + (lo >> 1));
+        int black = int(before.black), lo = std::max<int>(40, before.line_peak >> 2), hi = std::max(80, lo + (lo >> 1));
         if (noise(2)) black = noise(250), lo = noise(600), hi = noise(1200);
         dut->black = black;
         dut->lo = lo;
@@ -163,6 +169,8 @@ int main(int, char **arguments) {
         got.several = dut->several;
         got.edge = dut->touches;
         got.black = dut->black_next;
+        got.line_peak = dut->line_peak;
+        got.line_saturated = dut->line_saturated;
         const Spot wanted = rule(line, black, lo, hi, gap, width_max);
         found += wanted.found;
         several += wanted.several;

@@ -30,7 +30,8 @@ class FinderPorts(wiring.Component):
 
     LINE: ClassVar = {"valid": 1, "first": 1, "last": 1, "pixel": PIXEL_WIDTH}
     LEVELS = ("black", "lo", "hi")
-    RESULTS = ("finish", "found", "position", "peak", "width", "sum", "saturated", "several", "edge", "black_next")
+    RESULTS = ("finish", "found", "position", "peak", "width", "sum", "saturated", "several", "edge", "black_next",
+               "line_peak", "line_saturated")
 
     def __init__(self, finder):
         self._finder = finder

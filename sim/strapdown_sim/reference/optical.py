@@ -171,8 +171,8 @@ class Spot(NamedTuple):
         More than one run is valid; the run that is used touches an end of the line.
     black : int
         Least mean of the line's blocks of 64 pixels, for the next line.
-    line_peak, line_saturated : int
-        Of the whole line: largest count above the black level, at least zero; pixels of 4,000 counts or more. They
+    line_peak, line_saturated : int, bool
+        Of the whole line: largest count above the black level, at least zero; a pixel has 4,000 counts or more. They
         set the next line's thresholds and exposure, so that background light in a run cannot hold them.
     """
 
@@ -186,7 +186,7 @@ class Spot(NamedTuple):
     edge: bool
     black: int
     line_peak: int
-    line_saturated: int
+    line_saturated: bool
 
 
 def spot(line, black, lo, hi, *, gap=5, width_max=1024):
@@ -200,7 +200,7 @@ def spot(line, black, lo, hi, *, gap=5, width_max=1024):
     line = [int(count) for count in line]
     valid = [run for run in _runs(line, black, lo, gap, width_max)
              if max(line[i] for i in run) - black > hi and run[-1] - run[0] + 1 < width_max]
-    whole = max(max(line) - black, 0), sum(count >= SATURATED for count in line)
+    whole = max(max(line) - black, 0), max(line) >= SATURATED
     least = min(sum(line[i:i + BLOCK]) // BLOCK for i in range(0, len(line) - BLOCK + 1, BLOCK))
     if not valid:
         return Spot(False, 0, 0, 0, 0, 0, False, False, least, *whole)
