@@ -25,6 +25,7 @@ def test_table_of_configurations(root, make_module):
     ("operators", lambda make_core: {"vendor operators": docs.vendor_block()}),
     ("quaternion", docs.quaternion_blocks),
     ("sins", lambda make_core: {"configurations": docs.sins_block(make_core)}),
+    ("optical", lambda make_core: docs.optical_module_blocks()),
 ])
 def test_tables_of_pages(root, make_core, page, blocks):
     text = (root / "docs" / f"{page}.md").read_text(encoding="utf-8")

@@ -9,6 +9,7 @@ import math
 import re
 import shutil
 from contextlib import chdir
+from itertools import groupby
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,6 +20,7 @@ from strapdown.cores import (
     ATTITUDE_CORES,
     CONFIGS,
     FLIGHT,
+    OPTICAL_TCD1304,
     QUATERNION_J2,
     QUATERNION_J3,
     SINS,
@@ -27,9 +29,12 @@ from strapdown.cores import (
     main_module,
     make_core,
     make_module,
+    modules_of,
+    title_of,
 )
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS
+from strapdown.link import OPTICAL_ATTITUDE
 
 from .checkout import ROOT, write_blocks
 from .faults.tables import cores_table, places_tables
@@ -216,7 +221,7 @@ def airliner_block():
 
 
 def optical_blocks():
-    """Tables of docs/optical.md, by the name of their block."""
+    """Tables of the accuracy in docs/optical.md, by the name of their block."""
     result = json.loads((ROOT / "docs" / "report" / "optical.json").read_text(encoding="utf-8"))
     return {"flights": flights_table(result), "positions": positions_table(result), "geometry": geometry_lines(result)}
 
@@ -225,6 +230,22 @@ def optical_pin_blocks():
     """Tables of the runs from the pins in docs/optical.md, by the name of their block."""
     result = json.loads((ROOT / "docs" / "report" / "optical_pins.json").read_text(encoding="utf-8"))
     return {"pins": pins_table(result), "rules": rules_table()}
+
+
+def optical_module_blocks():
+    """Tables of the modules in docs/optical.md, by the name of their block."""
+    modules = {name: make_module(name, OPTICAL_TCD1304) for name in modules_of(OPTICAL_TCD1304)}
+    ports = [port for port in modules["OPT_top"].ports if port.name not in ("clk", "rst_n")]
+    same = groupby(ports, lambda port: (port.direction, port.width, port.meaning))
+    return {
+        "modules": markdown_table(["module", "what it does", "cycles:"], [
+            [f"`{name}`", title_of(name, OPTICAL_TCD1304), module.latency or "–"] for name, module in modules.items()]),
+        "ports": markdown_table(["port of `OPT_top`", "direction", "bits:", "meaning"], [
+            [", ".join(f"`{port.name}`" for port in group), direction, width, meaning]
+            for (direction, width, meaning), group in same]),
+        "frame": markdown_table(["offset:", "number", "unit", "meaning"], [
+            [4 * place, f"`{number.name}`", number.unit, number.meaning]
+            for place, number in enumerate(OPTICAL_ATTITUDE.quantities)])}
 
 
 def parts_block():
@@ -256,6 +277,7 @@ def main():
     write_blocks(ROOT / "docs" / "sins.md", {"configurations": sins_block()})
     write_blocks(ROOT / "docs" / "operators.md", {"vendor operators": vendor_block()})
     write_blocks(ROOT / "docs" / "sensors.md", sensor_blocks())
+    write_blocks(ROOT / "docs" / "optical.md", optical_module_blocks())
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text, encoding="utf-8")
