@@ -123,6 +123,15 @@ def test_roll_is_blind_to_pitch_and_pitch_needs_roll():
         assert abs(np.degrees(alone - pitch)) == pytest.approx(wrong, rel=0.03)
 
 
+def test_turned_sheets_of_light():
+    """A turn by ζ adds ζ·sin θ to roll and −ζ·sin γ to pitch, to first order."""
+    turn, words = np.radians(0.2), Instrument().calibration()
+    for roll, pitch in np.radians([(0, 30), (30, 0), (-20, 20)]):
+        turned = Instrument(LineSeat(turn=turn), LineSeat(turn=turn)).pixels(rotor_axis(roll, pitch))
+        found = np.subtract(angles_of_pixels(*turned, words), (roll, pitch))
+        assert found == pytest.approx([turn * np.sin(pitch), -turn * np.sin(roll)], rel=0.25, abs=1e-5)
+
+
 def test_cover_glass_is_a_cubic_term():
     """0.7 mm make 0.015° at 30° with the best scale, and 0.0006° with the cubic term too."""
     angle = np.radians(np.linspace(-30, 30, 61))

@@ -32,6 +32,8 @@ class LineSeat:
         Sideways place of the line.
     glass_mm, index : float
         Thickness of the cover glass and its refractive index.
+    turn : float
+        Angle by which the sheet of light is turned about the rotor axis, rad.
     """
 
     pitch_mm: float = 0.008
@@ -41,6 +43,7 @@ class LineSeat:
     aside_mm: float = 0.0
     glass_mm: float = 0.0
     index: float = 1.5
+    turn: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,7 @@ def _place(seat, axis, spread, along, side):
     along, side = np.array(along), np.array(side)
     line = _unit(along + seat.tilt * np.array([0.0, 0.0, 1.0]))
     normal = np.cross(line, side) * np.sign(np.cross(line, side)[2])
+    spread = np.cos(seat.turn) * spread + np.sin(seat.turn) * np.cross(axis, spread)
     middle = seat.distance_mm * np.array([0.0, 0.0, 1.0]) + seat.aside_mm * side
 
     def landing(angle):
