@@ -79,3 +79,7 @@ def test_lag_transfer_and_smear():
     smeared = LineCamera(512, smear=1e-3, **QUIET).charge(200).astype(float)
     assert smeared[100] == 100
     assert smeared[400] - 100 == pytest.approx(1e-3 * 0.7 * FULL_SCALE * 8 * np.sqrt(2 * np.pi), abs=1)
+
+
+def test_charge_is_clipped_at_full_scale():
+    assert set(LineCamera(64, laser=False, ambient=2.0, offset=-1000.0, **QUIET).charge(0)) == {FULL_SCALE - 1000}
