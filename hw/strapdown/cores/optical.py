@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from strapdown.blocks import SENSORS, LineTiming
 from strapdown.config import Config, Gain
-from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
+from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
 from strapdown.kernel.pool import Pool
 
 from .optical_modules import capture, opt_send
@@ -16,8 +16,9 @@ from .optical_update import FRACTION, opt_attitude
 
 __all__ = ["OPTICAL_ERECTED", "OPTICAL_S11639", "OPTICAL_TCD1304", "OpticalConfig"]
 
-OPTICAL_POOL = Pool(operators=(Adder(), Multiplier(), Divider(), Arctangent(), Selector()))
-"""One operator of each kind: the age of the angles is that of the line, so a faster update would gain nothing."""
+OPTICAL_POOL = Pool(operators=(Adder(latency=4), Multiplier(), Divider(bits_per_cycle=2), Selector()))
+"""Arctangents are polynomials: their operator takes a quarter of the LUTs, and 27 cycles less. The faster adder and
+divider make up for it."""
 
 
 def preset(**limits: Any) -> Any:

@@ -15,7 +15,7 @@ from strapdown.blocks import (
 )
 from strapdown.component import Described
 from strapdown.kernel.description import Port, Section
-from strapdown.link import OPTICAL_ATTITUDE, FrameSampler, FrameSender
+from strapdown.link import OPTICAL_ATTITUDE, FrameSampler, HeldFrameSender
 
 from .frames import frame_facts, frame_sections
 from .optical_update import STATUS
@@ -304,7 +304,7 @@ class FrameOutput(Assembled):
         kind = OPTICAL_ATTITUDE
         self._every = every
         self._sampler = FrameSampler(4 * len(kind.quantities))
-        self._sender = FrameSender(kind.number, 4 * len(kind.quantities), clock_hz=clock_hz, baud_rate=baud_rate)
+        self._sender = HeldFrameSender(kind.number, 4 * len(kind.quantities), clock_hz=clock_hz, baud_rate=baud_rate)
         if self._sender.interval > clock_hz * period_s * every:
             raise ValueError(
                 f"a frame of {self._sender.size} bytes takes {1000 * self._sender.interval / clock_hz:.3g} ms at "

@@ -3,6 +3,7 @@
 from amaranth import *
 from amaranth.lib import data, stream
 from amaranth.lib.crc.catalog import CRC16_IBM_3740
+from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from strapdown.component import Described
@@ -10,7 +11,10 @@ from strapdown.component import Described
 from .frame import LAYOUT, MAX_PAYLOAD, SYNC, crc, frame_size, place
 from .uart import BITS_PER_BYTE, UartTransmitter
 
-__all__ = ["FrameSampler", "FrameSender", "frame_layout"]
+__all__ = ["FrameSampler", "FrameSender", "HeldFrameSender", "frame_layout"]
+
+WORD = 4
+"""Bytes of a word of the payload that is loaded at once."""
 
 
 def frame_layout(payload_size):
@@ -133,24 +137,75 @@ class FrameSender(Described):
         m.submodules.check = check = CRC16_IBM_3740(data_width=8).create()
 
         frames = self.frames
-        values = {"sync": C(int.from_bytes(SYNC, "little"), 8 * len(SYNC)),
-                  "length": C(self._payload_size, 8), "type": C(self._kind, 8),
-                  "counter": frames.p.counter, "status": frames.p.status, "payload": frames.p.payload}
-        frame = Cat(values[field.name] for field in LAYOUT if field.name != "crc")
-        assert len(frame) == 8 * (self.size - _width("crc"))
-
-        # Bytes that the line has not taken yet, the next one lowest; the CRC comes after them.
-        waiting = Signal(len(frame), reset_less=True)
+        # Bytes that the line has not taken yet. The CRC comes after the others.
         left = Signal(range(self.size + 1))
         taken, sent = Signal(), Signal()
+        byte, load, advance = self._bytes(m, left)
         m.d.comb += [frames.ready.eq((left == 0) & uart.data.ready), taken.eq(frames.valid & frames.ready),
                      uart.data.valid.eq(left != 0), sent.eq(uart.data.valid & uart.data.ready), self.tx.eq(uart.tx),
-                     uart.data.payload.eq(Mux(left > 2, waiting[:8], Mux(left == 2, check.crc[8:], check.crc[:8])))]
+                     uart.data.payload.eq(Mux(left > 2, byte, Mux(left == 2, check.crc[8:], check.crc[:8])))]
         in_crc = (left <= self.size - _width("sync")) & (left > _width("crc"))
         m.d.comb += [check.start.eq(taken), check.data.eq(uart.data.payload), check.valid.eq(sent & in_crc)]
 
         with m.If(sent):
-            m.d.sync += [left.eq(left - 1), waiting.eq(waiting >> 8)]
+            m.d.sync += [left.eq(left - 1), *advance]
         with m.If(taken):
-            m.d.sync += [waiting.eq(frame), left.eq(self.size)]
+            m.d.sync += [*load, left.eq(self.size)]
         return m
+
+    def _frame(self, counter, status, payload):
+        """All fields but the CRC as one Value, the first byte lowest."""
+        values = {"sync": C(int.from_bytes(SYNC, "little"), 8 * len(SYNC)), "length": C(self._payload_size, 8),
+                  "type": C(self._kind, 8), "counter": counter, "status": status, "payload": payload}
+        return Cat(values[field.name] for field in LAYOUT if field.name != "crc")
+
+    def _bytes(self, m, left):
+        """The next byte of the frame, without the CRC, and the statements when a frame is taken and a byte was sent.
+
+        ``left`` bytes are to come, those of the CRC included.
+        """
+        frame = self._frame(self.frames.p.counter, self.frames.p.status, self.frames.p.payload)
+        assert len(frame) == 8 * (self.size - _width("crc"))
+        # The next byte is the lowest.
+        waiting = Signal(len(frame), reset_less=True)
+        return waiting[:8], [waiting.eq(frame)], [waiting.eq(waiting >> 8)]
+
+
+class HeldFrameSender(FrameSender):
+    """A FrameSender that keeps the payload in LUT RAM, word by word, and so takes half of the LUTs.
+
+    The payload of a frame must hold for ``loading`` cycles after the frame was taken. Its size is a multiple of 4.
+    All else is as in FrameSender.
+    """
+
+    def __init__(self, kind, payload_size, *, clock_hz, baud_rate):
+        super().__init__(kind, payload_size, clock_hz=clock_hz, baud_rate=baud_rate)
+        if payload_size % WORD:
+            raise ValueError(f"payload must have a multiple of {WORD} bytes, not {payload_size}")
+
+    @property
+    def loading(self):
+        """Cycles, after a frame was taken, in which its payload must hold."""
+        return self._payload_size // WORD
+
+    def _bytes(self, m, left):
+        m.submodules.payload = payload = Memory(shape=8 * WORD, depth=1 << (self.loading - 1).bit_length(), init=[],
+                                                attrs={"ram_style": "distributed"})
+        write, read = payload.write_port(), payload.read_port(domain="comb")
+        index, loads = Signal(range(self.loading)), Signal()
+        m.d.comb += [write.addr.eq(index), write.en.eq(loads),
+                     write.data.eq(self.frames.p.payload.word_select(index, 8 * WORD))]
+        m.d.sync += index.eq(Mux(loads, index + 1, 0))
+        with m.If(index == self.loading - 1):
+            m.d.sync += loads.eq(0)
+        counter, status = Signal(8 * _width("counter"), reset_less=True), Signal(8 * _width("status"), reset_less=True)
+        head = self._frame(counter, status, C(0, 0))
+        begin = place("payload").start
+        number, byte = Signal(range(1 << left.shape().width)), Signal(8)
+        m.d.comb += [number.eq(self.size - begin - left), read.addr.eq(number >> 2),
+                     byte.eq(read.data.word_select(number[:2], 8))]
+        with m.Switch(left):
+            for index in range(begin):
+                with m.Case(self.size - index):
+                    m.d.comb += byte.eq(head.word_select(index, 8))
+        return byte, [loads.eq(1), counter.eq(self.frames.p.counter), status.eq(self.frames.p.status)], []
