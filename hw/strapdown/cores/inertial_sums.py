@@ -50,7 +50,7 @@ class InertialSums(Described):
     @property
     def interval(self):
         """Least number of cycles from sample to sample."""
-        return 1 + self._count + self._adder.latency
+        return 2 + self._count + self._adder.latency
 
     def compute(self, samples):
         """Software twin: the sums of samples, shape (N, count), as an array of the format's dtype, shape (count,)."""
@@ -70,8 +70,11 @@ class InertialSums(Described):
         # Cycles left until the sample is in the sums; the adder takes numbers in the first of them.
         busy, index = Signal(range(self.interval)), Signal(range(self._count))
         begins, adds, idle, ends = Signal(), Signal(), Signal(), Signal()
-        m.d.comb += [idle.eq(busy == 0), begins.eq(self.sample & idle), adds.eq(busy > self._adder.latency),
-                     adder.start.eq(adds), adder.a.eq(places[0]), adder.b.eq(sample[index])]
+        m.d.comb += [idle.eq(busy == 0), begins.eq(self.sample & idle), adds.eq(busy > self._adder.latency + 1)]
+        # The operands have registers, because the choice of the sample takes time.
+        a, b, start = (Signal.like(operand, reset_less=True) for operand in (adder.a, adder.b, adder.start))
+        m.d.sync += [a.eq(places[0]), b.eq(sample[index]), start.eq(adds)]
+        m.d.comb += [adder.a.eq(a), adder.b.eq(b), adder.start.eq(start)]
         with m.If(begins):
             m.d.sync += [busy.eq(self.interval - 1), number.eq(number + 1)]
             m.d.sync += [register.eq(self.values[index]) for index, register in enumerate(sample)]

@@ -205,7 +205,7 @@ class HeldFrameSender(FrameSender):
         m.d.comb += [number.eq(self.size - begin - left), read.addr.eq(number >> 2),
                      byte.eq(read.data.word_select(number[:2], 8))]
         with m.Switch(left):
-            for index in range(begin):
-                with m.Case(self.size - index):
-                    m.d.comb += byte.eq(head.word_select(index, 8))
+            for offset in range(begin):
+                with m.Case(self.size - offset):
+                    m.d.comb += byte.eq(head.word_select(offset, 8))
         return byte, [loads.eq(1), counter.eq(self.frames.p.counter), status.eq(self.frames.p.status)], []
