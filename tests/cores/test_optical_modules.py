@@ -44,7 +44,8 @@ def inner(ports):
     (OPTICAL_TCD1304, "OPT_spot", {"in_valid": 1, "in_first": 1, "in_last": 1, "in_pixel": 12, "in_black": 12,
                                    "in_lo": 12, "in_hi": 12},
      {"out_spot_finish": 1, "out_found": 1, "out_position": 24, "out_peak": 12, "out_width": 12, "out_sum": 22,
-      "out_saturated": 12, "out_several": 1, "out_edge": 1, "out_black": 12}),
+      "out_saturated": 12, "out_several": 1, "out_edge": 1, "out_black": 12,
+      "out_line_peak": 12, "out_line_saturated": 1}),
     (OPTICAL_TCD1304, "OPT_send", {"in_send_en": 1, "in_status": 8} | {
         f"in_{quantity.name}": 32 for quantity in OPTICAL_ATTITUDE.quantities}, SEND),
     (OPTICAL_TCD1304, "OPT_top", {"in_run_en": 1, "in_acc_en": 1, **WORDS, **SPI[0]},

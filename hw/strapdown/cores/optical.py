@@ -17,8 +17,8 @@ from .optical_update import FRACTION, opt_attitude
 __all__ = ["OPTICAL_ERECTED", "OPTICAL_S11639", "OPTICAL_TCD1304", "OpticalConfig"]
 
 OPTICAL_POOL = Pool(operators=(Adder(latency=4), Multiplier(), Divider(bits_per_cycle=2), Selector()))
-"""Arctangents are polynomials: their operator takes a quarter of the LUTs, and 27 cycles less. The faster adder and
-divider make up for it."""
+"""Arctangents are polynomials, because their operator would take a quarter of the LUTs. A faster adder and a faster
+divider make up for the time."""
 
 
 def preset(**limits: Any) -> Any:
