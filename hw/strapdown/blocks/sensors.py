@@ -38,7 +38,12 @@ class LineSensor:
     reset_clocks : int
         Clocks at the begin of a line in which a sensor without a shutter does not expose.
     st_high_min, st_low_min : int
-        Least clocks of ST, high and low.
+        Protocol "st_clk": least clocks of ST, high and low.
+    sh_after_icg_s, sh_high_s, icg_after_sh_s, icg_in_clock_s : float
+        Protocol "sh_icg", seconds: SH rises after ICG falls; SH is high; ICG rises after SH falls, at the first place
+        that is so long after a rise of the clock, while the clock is high.
+    flushes, flush_pitch_s : int, float
+        Protocol "sh_icg": pulses of SH before that which begins an exposure, and their least distance in seconds.
     invert : bool
         True if the video falls with light.
     sample_at : float
@@ -73,6 +78,12 @@ class LineSensor:
     reset_clocks: int = 0
     st_high_min: int = 0
     st_low_min: int = 0
+    sh_after_icg_s: float = 0.0
+    sh_high_s: float = 0.0
+    icg_after_sh_s: float = 0.0
+    icg_in_clock_s: float = 0.0
+    flushes: int = 0
+    flush_pitch_s: float = 0.0
 
 
 SENSORS = {sensor.name: sensor for sensor in (
@@ -82,6 +93,10 @@ SENSORS = {sensor.name: sensor for sensor in (
         # 16 dummy outputs, 13 shielded ones, 3 more dummies; 14 dummies after the effective ones.
         lead=32, slots=3694, line_clocks=14_800, line_clocks_min=14_792,
         exposure_min_s=10e-6, invert=True, sample_at=0.85, adc="spi",
+        # SH rises between 100 and 1,000 ns after ICG falls. It is high for 1,000 ns or more; the second microsecond
+        # leaves less charge behind. ICG rises 1,000 ns or more after SH falls, typically 5 us.
+        sh_after_icg_s=500e-9, sh_high_s=2e-6, icg_after_sh_s=5e-6, icg_in_clock_s=50e-9, flushes=8,
+        flush_pitch_s=10e-6,
         sources=("TCD1304DG data sheet, Rev. 1.4: timing charts, timing requirements",
                  "tcd1304.wordpress.com, timing requirements",
                  "esbenrossel/tcd1304_firmware_spi, timer_conf.c")),

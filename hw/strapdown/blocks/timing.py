@@ -17,13 +17,7 @@ EXPOSURE_WIDTH = 24
 
 TRIGGERS = "internal", "external"
 
-# Protocol "sh_icg", seconds. SH rises between 100 and 1,000 ns after ICG falls. It is high for 1,000 ns or more; the
-# second microsecond leaves less charge behind. ICG rises 1,000 ns or more after SH falls, typically 5 us, while the
-# clock is high.
-SH_AFTER_ICG, SH_HIGH, ICG_AFTER_SH, ICG_IN_CLOCK = 500e-9, 2e-6, 5e-6, 50e-9
-# Pulses of SH that take residual charge away before an exposure, and their distance. After a sample and around the
-# edges of ICG, SH rests.
-FLUSHES, FLUSH_PITCH = 8, 10e-6
+# After a sample, and around the edges of ICG, SH rests for some seconds.
 SH_AFTER_SAMPLE, SH_FROM_ICG = 50e-9, 500e-9
 
 
@@ -132,13 +126,14 @@ class LineTiming(Described):
             fall = self._high
             ends = fall + self._sensor.exposure_tail * self._clock if self._sensor.shutter else 0
             return {"ST falls": fall, "exposure ends": ends, "pixel slots": 0}
-        rise = self._cycles(SH_AFTER_ICG)
-        fall = rise + self._cycles(SH_HIGH)
-        place = self._cycles(ICG_IN_CLOCK)
+        sensor = self._sensor
+        rise = self._cycles(sensor.sh_after_icg_s)
+        fall = rise + self._cycles(sensor.sh_high_s)
+        place = self._cycles(sensor.icg_in_clock_s)
         if not 0 < place < self._high:
-            raise ValueError(f"ICG must rise while the sensor's clock is high, which it is for {self._high} cycles: "
-                             f"choose a faster clock than {self._clock_hz / 1e6:g} MHz")
-        back = fall + self._cycles(ICG_AFTER_SH)
+            raise ValueError(f"ICG of {sensor.name} must rise while the sensor's clock is high, which it is for "
+                             f"{self._high} cycles, not {place} cycles after it has risen")
+        back = fall + self._cycles(sensor.icg_after_sh_s)
         back += (place - back) % self._clock
         return {"ICG falls": 0, "SH rises": rise, "SH falls": fall, "exposure ends": fall, "ICG rises": back,
                 "pixel slots": back}
@@ -208,8 +203,8 @@ class LineTiming(Described):
     @property
     def flush_slots(self):
         """Slots in which SH is high, and slots from one pulse to the next."""
-        high = ceil(self._cycles(SH_HIGH) / self._slot)
-        return high, max(ceil(self._cycles(FLUSH_PITCH) / self._slot), high + 1)
+        high = ceil(self._cycles(self._sensor.sh_high_s) / self._slot)
+        return high, max(ceil(self._cycles(self._sensor.flush_pitch_s) / self._slot), high + 1)
 
     @property
     def flush_cycles(self):
@@ -217,7 +212,7 @@ class LineTiming(Described):
         if not self._transfers:
             return 0
         high, pitch = self.flush_slots
-        return (FLUSHES * pitch + high) * self._slot
+        return (self._sensor.flushes * pitch + high) * self._slot
 
     @property
     def sensor(self):
@@ -382,11 +377,11 @@ class LineTiming(Described):
         pin = self.ccd_sh[ccd]
         high, pitch = self.flush_slots
         flushing = Signal(name=f"flushing_{ccd}")
-        left = Signal(range(FLUSHES + 1), name=f"left_{ccd}")
+        left = Signal(range(self._sensor.flushes + 1), name=f"left_{ccd}")
         step = Signal(range(pitch + 1), name=f"step_{ccd}")
         exposed = Signal(name=f"exposed_{ccd}")
         with m.If(begins):
-            m.d.sync += [flushing.eq(1), left.eq(FLUSHES), step.eq(1), pin.eq(1)]
+            m.d.sync += [flushing.eq(1), left.eq(self._sensor.flushes), step.eq(1), pin.eq(1)]
         with m.If(flushing & places):
             m.d.sync += step.eq(step + 1)
             with m.If(step == high):
