@@ -74,9 +74,8 @@ def exposures_of(name, answer):
             if timing.sensor.shutter:
                 yield rises[:len(falls)], falls + 48 * timing.clock_cycles
             else:
-                # A rising edge of the clock while ST is high ends an exposure, and the next one begins 18 clocks later.
-                marks = falls - timing.clock_cycles // 2
-                yield marks[:-1] + 18 * timing.clock_cycles, marks[1:]
+                # The rise of SI ends an exposure, and the next one begins 18 clocks later.
+                yield rises[:-1] + 18 * timing.clock_cycles, rises[1:]
 
 
 @pytest.mark.verilator

@@ -24,7 +24,7 @@ def levels(wave):
     # ST falls; exposure ends; first pixel; first, last sample; read out ends; exposure begins; next line.
     ("s11639", {"ST": "00000011", "video": "xx===xxx", "exposing": "10000011"}),
     # First pixel; SI falls; first sample; exposure begins; last sample; read out ends; SI rises; next line.
-    ("tsl1402", {"SI": "10000011", "video": "=====xxx", "exposing": "00011111"}),
+    ("tsl1402", {"SI": "10000011", "video": "=====xxx", "exposing": "00011100"}),
 ])
 def test_waves(name, pins):
     timing = LineTiming(SENSORS[name], clock_hz=100e6)

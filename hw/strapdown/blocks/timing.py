@@ -122,9 +122,9 @@ class LineTiming(Described):
     def _transfer(self):
         """The cycles of a line at which its pins change, and at which the exposure of the line before ends."""
         if not self._transfers:
-            # The clock falls in the middle of slot 0. Without a shutter, its rise ends the exposure.
+            # The clock falls in the middle of slot 0. Without a shutter, ST rises a clock before. This ends exposures.
             fall = self._high
-            ends = fall + self._sensor.exposure_tail * self._clock if self._sensor.shutter else 0
+            ends = fall + (self._sensor.exposure_tail if self._sensor.shutter else -1) * self._clock
             return {"ST falls": fall, "exposure ends": ends, "pixel slots": 0}
         sensor = self._sensor
         rise = self._cycles(sensor.sh_after_icg_s)
@@ -197,7 +197,7 @@ class LineTiming(Described):
     def exposure_place(self):
         """Cycle of a slot at which an exposure begins."""
         if not self._transfers:
-            return self._high if self._sensor.shutter else 0
+            return self._high
         return (self._events["pixel slots"] + self._sample_at + self._cycles(SH_AFTER_SAMPLE)) % self._slot
 
     @property
@@ -252,8 +252,7 @@ class LineTiming(Described):
     @property
     def guard(self):
         """Cycles from an edge of ST, or an edge of SH that depends on an exposure, to the next sample."""
-        edge = self.exposure_place if self._transfers else self._high
-        return (self._events["pixel slots"] + self._sample_at - edge) % self._slot
+        return (self._events["pixel slots"] + self._sample_at - self.exposure_place) % self._slot
 
     @property
     def events(self):
@@ -262,7 +261,8 @@ class LineTiming(Described):
         pixel = slots + self._slot * sensor.lead
         rise = {} if self._transfers or sensor.shutter else {
             "ST rises": self.line_cycles + self._events["ST falls"] - self._clock}
-        return {name: cycle for name, cycle in self._events.items() if name != "pixel slots"} | rise | {
+        own = {name: cycle % self.line_cycles for name, cycle in self._events.items() if name != "pixel slots"}
+        return own | rise | {
             "first pixel": pixel, "first sample": pixel + self._sample_at,
             "last sample": pixel + self._sample_at + self._slot * (sensor.pixels - 1),
             "read out ends": slots + self._slot * sensor.slots, "next line": self.line_cycles}

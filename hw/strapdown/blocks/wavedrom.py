@@ -15,7 +15,7 @@ def wave_of_line(timing):
     Returns: str. Times are not to scale: each column begins with the event that the foot names, with its cycle.
     """
     events = dict(timing.events)
-    events["exposure begins"] = events["next line"] + events["exposure ends"] - timing.exposure_range[0]
+    events["exposure begins"] = (events["exposure ends"] - timing.exposure_range[0]) % timing.line_cycles
     if "ICG falls" in events:
         events["flush"] = events["exposure begins"] - timing.flush_slots[0] * timing.slot_cycles
     columns: dict[int, list[str]] = {}
@@ -40,7 +40,8 @@ def wave_of_line(timing):
         pins = [lane("SI", "1", ST_falls="0", ST_rises="1")]
     lanes = [*pins, {**lane("video", "x", first_pixel="=", read_out_ends="x"), "data": ["pixels"]},
              lane("sample", "0", first_sample="p", last_sample="0"),
-             lane("exposing", "1", exposure_ends="0", exposure_begins="1")]
+             lane("exposing", str(int(events["exposure ends"] < events["exposure begins"])), exposure_ends="0",
+                  exposure_begins="1")]
     foot = "; ".join(f"{number}: {' and '.join(names)}, cycle {cycle:,}"
                      for number, (cycle, names) in enumerate(columns.items()))
     rows = ",\n  ".join(json.dumps(row) for row in lanes)

@@ -83,11 +83,14 @@ class LineEdges(Elaboratable):
         end, flush = events["exposure ends"], timing.flush_cycles
         least, most = timing.exposure_range
         first, last = events["first sample"] - 1, events["last sample"] - 1
-        opens, latest = (end - most - flush - 1) % line, line + end - least - flush
+        opens, latest = (end - most - flush - 1) % line, (end - least - flush) % line
+        # The exposure of a sensor without a shutter ends late in the line, after the last decision on the next one.
+        late = end > latest
+        counts_on, counts = (C(1), s["exposes"]) if late else (s["exposes"], s["reads"])
         holds = [
             s["beat"] < timing.clock_cycles, phase < slot, cycle < line,
-            implies(s["exposes"] & (cycle > end), s["remaining"] + cycle == line + end),
-            implies(s["reads"] & (cycle <= end), s["remaining"] + cycle == end),
+            implies(counts_on & (cycle > end), s["remaining"] + cycle == line + end),
+            implies(counts & (cycle <= end), s["remaining"] + cycle == end),
             implies(s["sampling"], s["reads"] & (cycle > first) & (cycle <= last)
                     & (cycle == first + timing.pixel_index * slot + self.since(phase, first % slot)))]
         for ccd in range(2):
