@@ -34,7 +34,7 @@ def _events():
     """The events of a line of each sensor."""
     timings = _timings()
     names = sorted({name for timing in timings for name in timing.events},
-                   key=lambda name: max(timing.events.get(name, -1) for timing in timings))
+                   key=lambda name: (max(timing.events.get(name, -1) for timing in timings), name))
     return markdown_table(["event", *(f"`{timing.sensor.name}`:" for timing in timings)], [
         [name, *(f"{timing.events[name]:,}" if name in timing.events else "–" for timing in timings)]
         for name in names])
