@@ -68,11 +68,6 @@ def test_generate_writes_verilog_json_and_waivers(tmp_path):
     (["explain", "INS_acc", "--line", "attitude"], "strapdown: --line takes FILE:LINE or FILE:FUNCTION, as in "
                                                    "--line attitude.py:47, not 'attitude'"),
     (["explain", "INS_acc", "--line", "attitude.py:1"], "strapdown: no operation of INS_acc comes from attitude.py:1"),
-    (["explain", "optical_s11639"], "strapdown: OPT_top has no equations of its own: choose OPT_attitude\n"),
-    (["schedule", "OPT_spot"], "strapdown: OPT_spot has no equations of its own: choose OPT_attitude\n"),
-    (["link", "out", "--config", "optical_s11639"],
-     "strapdown: OPT_top has no equations of its own: choose OPT_attitude\n"),
-    (["generate", "OPT_spot", "--ports", "thesis-rtl"], "strapdown: the ports thesis-rtl exist for INS_acc, "),
 ])
 def test_user_errors_are_one_line_and_status_2(arguments, message):
     result = run(*arguments)
@@ -201,38 +196,14 @@ def test_explain_shows_the_program():
     assert "writes input" in run("explain", "INS_matx", "--cycle", "1").output
 
 
-def test_a_module_without_equations_is_generated_like_others(tmp_path):
-    result = run("generate", "OPT_timing", "--config", "optical_s11639", "--output", tmp_path)
-    assert result.output == f"{tmp_path / 'OPT_timing.v'}\n"
-    facts = json.loads((tmp_path / "OPT_timing.json").read_text(encoding="utf-8"))
-    assert "latency_cycles" not in facts
-    assert facts["configuration"]["sample_rate_hz"] == 2000
-    assert facts["events"]["next line"] == facts["line_cycles"] == 50_000
-    assert run("generate", "OPT_spot", "--output", tmp_path).output == f"{tmp_path / 'OPT_spot.v'}  26 cycles\n"
-
-
-def recording_of_a_turn(folder):
-    """A CSV file of two seconds of rotation at 30 deg/s about the vertical."""
+@pytest.mark.verilator
+def test_replay_of_a_csv_file(tmp_path, models):
+    """Two seconds of rotation at 30 deg/s about the vertical: the yaw is correct, and all files exist."""
     rows = ["Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
             "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g)"]
     rows += [f"{k / 100:.2f},0,0,30,0,0,1" for k in range(200)]
-    recording = folder / "turn.csv"
+    recording = tmp_path / "turn.csv"
     recording.write_text("\n".join(rows) + "\n", encoding="utf-8")
-    return recording
-
-
-@pytest.mark.verilator
-def test_a_recording_has_no_light_for_the_optical_sensor(tmp_path):
-    result = run("replay", recording_of_a_turn(tmp_path), "--config", "optical_s11639", "--output", tmp_path / "out")
-    assert (result.exit_code, result.stderr) == (
-        2, "strapdown: OPT_top has other inputs than a recording: 'strapdown optical' runs it\n")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.verilator
-def test_replay_of_a_csv_file(tmp_path, models):
-    """The yaw is correct, and all files exist."""
-    recording = recording_of_a_turn(tmp_path)
     result = run("replay", recording, "--config", "mahony", "--output", tmp_path / "out", "--build", models)
     assert result.exit_code == 0, result.output
     assert {path.name for path in (tmp_path / "out").iterdir()} == {

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from strapdown.cli import main
-from strapdown.link import OPTICAL_ATTITUDE, FrameDecoder, HeldFrameSender
+from strapdown.link import FrameDecoder
 from strapdown_sim.monitor import monitor, read_port
 
 from ..frames import COUNT, assert_frames, numbers_of_frames
@@ -154,25 +154,6 @@ def test_terminal_that_is_gone_keeps_what_came(frames, numbers, tmp_path, monkey
         patch.setattr(os, "read", unplugged)
         monitor(read_port(tmp_path / "line.bin"), tmp_path / "nav.csv")
     assert_table(tmp_path / "nav.csv", [0], numbers)
-
-
-def test_frames_of_the_optical_sensor(tmp_path):
-    """Their own header; no frame of another type; updates between two frames are not lost."""
-    numbers = np.random.default_rng(6).normal(0, 100, (6, 9)).astype(np.float32)
-    sender = HeldFrameSender(OPTICAL_ATTITUDE.number, 36, clock_hz=1e8, baud_rate=921_600)
-    sent = [sender.compute(4 * index, index, row.tobytes()) for index, row in enumerate(numbers)]
-    (tmp_path / "line.bin").write_bytes(b"".join([*sent[:2], frame(6, 0, numbers[0], "<f4"), *sent[2:4], *sent[5:]]))
-    result = CliRunner().invoke(main, ["monitor", str(tmp_path / "line.bin"), "--every", "4", "--output",
-                                       str(tmp_path / "nav.csv"), "--plot", str(tmp_path / "nav.png")])
-    assert result.exit_code == 0, result.output
-    header, rows = table(tmp_path / "nav.csv")
-    assert header == ["Frame", "Status", "Pitch (deg)", "Roll (deg)", "Measured pitch (deg)", "Measured roll (deg)",
-                      "Spot on the roll CCD (px)", "Spot on the pitch CCD (px)", "Peak on the roll CCD (counts)",
-                      "Peak on the pitch CCD (counts)", "Exposure of the roll CCD (us)"]
-    assert [row[:2] for row in rows] == [[str(4 * index), str(index)] for index in (0, 1, 2, 3, 5)]
-    np.testing.assert_array_equal(np.array([row[2:] for row in rows], dtype=np.float32), numbers[[0, 1, 2, 3, 5]])
-    assert " 6 frames, 1 lost, " in result.output
-    assert (tmp_path / "nav.png").exists()
 
 
 def test_bytes_without_a_frame_are_an_error(tmp_path, monkeypatch):

@@ -25,8 +25,6 @@ MEANINGS = {
     "samples": "number of samples, as by counted",
     "f": "accelerometer (specific force), body axes (forward, right, down), m/s^2, mean over the line period",
     "yaw_rate": "rate of the heading, clockwise from above, rad/s, mean over the line period",
-    "sample_f": "accelerometer (specific force), body axes (forward, right, down), m/s^2, a sample",
-    "sample_yaw_rate": "rate of the heading, clockwise from above, rad/s, a sample",
     "n0": "position of the spot at angle zero, pixels",
     "scale": "pixel pitch over distance pivot to CCD; negative where pixels count the other way",
     "tilt": "slope of the CCD towards the pivot",
@@ -142,6 +140,4 @@ def opt_update(config):
                      inputs | _inertial_ports(config) | _calibration_ports(config),
                      {"px": ("out_roll_px", "out_pitch_px"), "peak": ("out_roll_peak", "out_pitch_peak"),
                       "exposure": "out_exposure_r"}, (optical.pixels, optical.integer))
-    # At the ports of OPT_top they are samples.
-    meanings = system.meanings | {name: MEANINGS[f"sample_{name}"] for name in ("f", "yaw_rate")}
-    return replace(system, meanings=meanings, restart_after=config.restart_after if system.state else 0)
+    return replace(system, restart_after=config.restart_after if system.state else 0)

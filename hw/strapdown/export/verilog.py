@@ -90,7 +90,7 @@ def description(top, config, command):
         "module": component.name,
         "description": component.title,
         **({"configuration": _configuration(config)} if config else {}),
-        **({} if top.latency is None else {"latency_cycles": top.latency}),
+        "latency_cycles": top.latency,
         "ports": [{"name": port.name, "direction": port.direction, "width": port.width, "meaning": port.meaning}
                   for port in top.ports],
         **({"parameters": [{"name": constant.name, "value": constant.digits, "meaning": constant.meaning}
