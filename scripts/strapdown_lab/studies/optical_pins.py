@@ -113,7 +113,7 @@ def pins_table(result: dict[str, Any]) -> str:
 def rules_table() -> str:
     """The rules that the models of sensors and ADCs check, as a Markdown table."""
     return markdown_table(["model", "rules"], [
-        [model.title, "; ".join(model.rules)] for model in (*MODELS.values(), *ADCS.values())])
+        [model.title, "; ".join(filter(None, model.rules))] for model in (*MODELS.values(), *ADCS.values())])
 
 
 def main():

@@ -17,7 +17,7 @@ class PinModel:
     module : str
         Module, and file without its suffix.
     rules : tuple of str
-        Rules of the data sheet. A violation has the number of its rule; the first is 1.
+        Rules of the data sheet. A violation has the number of its rule; the first is 1. An empty one is not checked.
     parameters : dict
         Parameters that differ from the module's defaults.
     settle_ns, guard_ns : int
@@ -49,17 +49,16 @@ _SH_ICG = (
     "period of phiM", "ICG falls, SH rises: t2", "SH high: t3", "SH falls, ICG rises: t1",
     "ICG rises while phiM is high", "least exposure", "ICG falls only after the read-out",
     "one SH pulse while ICG is low")
-_ST_CLK = (
-    "period of CLK", "CLK high, CLK low", "ST high", "ST low", "setup and hold of SI",
-    "a line begins only after the read-out")
+_LINE = "a line begins only after the read-out"
 
 SENSORS = {
     # 0.8 to 4 MHz. Half a pixel at 4 MHz is taken as the time to settle: the data sheet has no figure.
     "tcd1304": PinModel("TCD1304", "ccd_sh_icg", _SH_ICG, {"INVERT": 1}, settle_ns=500, guard_ns=50),
     # 0.2 to 10 MHz. The least times of ST are usual figures; the data sheet was not seen.
-    "s11639": PinModel("S11639", "ccd_st_clk", _ST_CLK, settle_ns=60),
+    "s11639": PinModel("S11639", "ccd_st_clk", ("period of CLK", "", "ST high", "ST low", "", _LINE), settle_ns=60),
     # Data sheet: to 8 MHz; pulses of CLK 50 ns; setup 20 ns, hold 0 ns; settles to 1 % in 120 ns; 20 us between lines.
-    "tsl1402": PinModel("TSL1402", "ccd_st_clk", _ST_CLK, {
+    "tsl1402": PinModel("TSL1402", "ccd_st_clk", (
+        "period of CLK", "CLK high, CLK low", "", "", "setup and hold of SI", _LINE), {
         "PIXELS": 256, "LEAD": 0, "START_SAMPLED": 1, "EXPOSURE_CLOCKS": 18, "CLOCK_MIN": 125, "CLOCK_MAX": 200_000,
         "PULSE_MIN": 50, "LINE_MIN": 257, "LINE_EXTRA": 20_000}, settle_ns=120),
 }
