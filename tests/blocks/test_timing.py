@@ -222,6 +222,8 @@ def test_clocks(clock_hz, sensor_clock_hz):
     ("s11639", {"sample_at": 11},
      "sample_at must not be 11: there may be an edge of ST 1 cycles before the sample"),
     ("s11639", {"line_clocks": 2_144}, "a line of s11639 takes 2145 clocks of the sensor or more, not 2144"),
+    ("s11639", {"line_clocks": 838_861},
+     "a line of s11639 must take less than 16777216 cycles, not 16777220"),
     ("tsl1402", {"line_clocks": 356}, "a line of tsl1402 takes 357 clocks of the sensor or more, not 356"),
     ("tcd1304", {"exposure_s": (5e-6, None)},
      "the exposure of tcd1304 must be from 11.2 to 7311.2 us in this line, not from 5 to 7311.2 us"),

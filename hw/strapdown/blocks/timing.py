@@ -149,6 +149,9 @@ class LineTiming(Described):
         if line_clocks % sensor.clocks_per_pixel:
             raise ValueError(f"a line of {sensor.name} must be a multiple of {sensor.clocks_per_pixel} clocks of the "
                              f"sensor, not {line_clocks}")
+        if line_clocks * self._clock >= 1 << EXPOSURE_WIDTH:
+            raise ValueError(f"a line of {sensor.name} must take less than {1 << EXPOSURE_WIDTH} cycles, "
+                             f"not {line_clocks * self._clock}")
         return line_clocks // sensor.clocks_per_pixel
 
     def _check_sample(self):
@@ -185,13 +188,9 @@ class LineTiming(Described):
 
     def _on_grid(self, exposure, *, up=False):
         """The next shorter exposure that is possible, or the next longer one."""
-        below = (exposure - self._exposure_step) % self._slot
+        # Its end is at one place of a slot, and its begin at another.
+        below = (exposure - (self._events["exposure ends"] - self.exposure_place)) % self._slot
         return exposure + (-below % self._slot if up else -below)
-
-    @property
-    def _exposure_step(self):
-        """Where exposures lie between multiples of a slot: the exposure's end less the place of its begin in a slot."""
-        return self._events["exposure ends"] - self.exposure_place
 
     @property
     def exposure_place(self):
