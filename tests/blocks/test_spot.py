@@ -19,7 +19,7 @@ FINDERS = {"preset": SpotFinder(PIXELS), "short": SpotFinder(70, gap=1, width_ma
 def random_lines(rng, count, pixels):
     """Lines of all kinds: noise, single pixels, constant, one to three spots of many widths.
 
-    Every eighth one is noise near full scale.
+    Every eighth one is noise near full scale; the next one has two equal spots.
     """
     x, lines = np.arange(pixels), np.empty((count, pixels))
     for line in lines:
@@ -36,6 +36,9 @@ def random_lines(rng, count, pixels):
                 middle, sigma = rng.uniform(-5, pixels + 5), rng.choice([1, 3, 8, 20])
                 line += rng.uniform(50, 6000) * np.exp(-((x - middle) / sigma)**2 / 2)
     lines[::8] = rng.integers(3960, 4096, lines[::8].shape)
+    lines[1::8] = 100
+    for begin in 20, 40:
+        lines[1::8, begin:begin + 3] = 900, 2000, 700
     return np.clip(lines, 0, 4095).astype(int)
 
 
@@ -140,6 +143,7 @@ CASES = {
     "a third, rounded down": (line_with((500, [220, 180])), {"position": (500 << 12) + 4096 // 3, "sum": 120}),
     "four pixels below": (line_with((500, 200), (505, 200)), {"several": 0, "width": 6, "position": 1005 * 2048}),
     "five pixels below": (line_with((500, 200), (506, 200)), {"several": 1, "width": 1, "position": 500 << 12}),
+    "two equal ones": (line_with((500, 200), (600, 200)), {"several": 1, "position": 500 << 12}),
     "the second is larger": (line_with((500, 200), (600, 201)), {"several": 1, "position": 600 << 12, "peak": 101}),
     "one that is not valid": (line_with((500, [180] * 50), (600, 200)), {"several": 0, "position": 600 << 12}),
     "first pixel": (line_with((0, 200)), {"edge": 1, "position": 0}),
