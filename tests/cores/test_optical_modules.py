@@ -5,9 +5,10 @@ import pytest
 
 from strapdown.blocks import SpotFinder
 from strapdown.cores import OPTICAL_ERECTED, OPTICAL_S11639, OPTICAL_TCD1304, make_module
-from strapdown.export import write_core
+from strapdown.export import verilog_text, write_core
 from strapdown.link import OPTICAL_ATTITUDE, FrameDecoder
 from strapdown_sim.drivers.optical import Inertial, PinBench
+from strapdown_sim.drivers.pins import PinDriver
 from strapdown_sim.drivers.verilated import Interface
 from strapdown_sim.instrument.calibration import Calibration
 
@@ -114,6 +115,37 @@ def test_frames_hold_what_was_there_when_the_update_was_complete(models, tmp_pat
         assert (frame.type, frame.status) == (2, stimulus["in_status"][rises[index]])
         assert frame.values.view(np.uint32).tolist() == [stimulus[name][rises[index]] for name in numbers]
     assert {index for index, rise in enumerate(rises) if answer["out_link_overrun"][rise + 1]} == overruns
+
+
+@pytest.mark.verilator
+def test_outputs_change_together_when_the_finish_rises(models):
+    """Angles, status and number of the line, in every cycle in which the finish is high; without compensation."""
+    config = OPTICAL_S11639.replace(sensor="tsl1402", compensation="none", send_every=5)
+    top = make_module("OPT_top", config)
+    driver = PinDriver(verilog_text(top, config), {"OPT_top": top.ports}, models, sensor="tsl1402", adc="parallel",
+                       adc_latency=config.adc_latency, pixels=256, event="out_attitude_finish", event_rises=False)
+    pixels, line, lines = np.arange(256), config.timing().line_cycles, 6
+
+    def image(own):
+        # The third line has no spot on the roll CCD.
+        light = 0 if own.number == 3 and own.ccd == 0 else 2600
+        return np.round(150 + light * np.exp(-(pixels - 100 - 5 * own.number) ** 2 / 18)).astype(int)
+
+    words = {"in_n0_r": 127.5, "in_n0_p": 127.5, "in_scale_r": 0.0025, "in_scale_p": 0.0025}
+    actions = [(0, port, int(np.float32(value).view(np.uint32))) for port, value in words.items()]
+    run = driver.run([*actions, (3, "rst_n", 1), (8, "in_run_en", 1)], image, cycles=(lines + 1) * line)
+    cycle = run.events["cycle"]
+    begins = np.flatnonzero(np.diff(cycle, prepend=-2) > 1)
+    assert len(begins) == lines
+    for first, last in zip(begins, [*begins[1:], len(cycle)], strict=True):
+        for name in (*ANGLES, "out_status", "out_line"):
+            assert len(set(run.events[name][first:last].tolist())) == 1
+    assert run.events["out_line"][begins].tolist() == [0, 1, 2, 3, 4, 5]
+    assert run.events["out_status"][begins].tolist() == [3, 0, 1, 0, 0, 0]
+    angles = run.events["out_roll"][begins].astype(np.uint32).view(np.float32)
+    assert angles[2] == angles[1] != angles[3]
+    # The light of a line is that of the exposure before it.
+    assert np.tan(np.radians(angles[3])) == pytest.approx((100 + 5 * 4 - 127.5) * 0.0025, abs=1e-4)
 
 
 @pytest.mark.verilator

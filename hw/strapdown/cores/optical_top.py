@@ -165,7 +165,7 @@ class OpticalTop(Assembled):
 
         flags = dict(zip(STATUS, [*(~each for each in good), 0, 0, *map(either, ("several", "saturated", "edge")),
                                   missing], strict=True))
-        self._show(m, line_ends, Cat(Value.cast(flag)[:1] for flag in flags.values()))
+        self._show(m, line_ends, starts, Cat(Value.cast(flag)[:1] for flag in flags.values()))
         m.d.comb += [send.in_send_en.eq(engine.out_attitude_finish), send.in_status.eq(self.out_status),
                      *(getattr(send, f"in_{quantity.name}").eq(getattr(engine, f"out_{quantity.name}"))
                        for quantity in OPTICAL_ATTITUDE.quantities),
@@ -197,12 +197,16 @@ class OpticalTop(Assembled):
             m.d.comb += [sums.values[index].eq(getattr(self, name)), getattr(self._engine, name).eq(sums.sums[index])]
         return sums.missing
 
-    def _show(self, m, line_ends, flags):
+    def _show(self, m, line_ends, starts, flags):
         """Status and number of the line: they change with the outputs of the engine."""
         finish = self._engine.out_attitude_finish
-        now, line = Signal(len(flags), name="flags"), Signal(LINE_BITS, name="line", init=-1)
+        found, now = Signal(len(flags), name="flags_found"), Signal(len(flags), name="flags")
+        line = Signal(LINE_BITS, name="line", init=-1)
         with m.If(line_ends):
-            m.d.sync += [now.eq(flags), line.eq(line + 1)]
+            m.d.sync += found.eq(flags)
+        # The finish falls when the engine takes the start.
+        with m.If(starts):
+            m.d.sync += [now.eq(found), line.eq(line + 1)]
         held = Signal(len(flags) + LINE_BITS, name="held")
         shown = Mux(finish, Cat(now, line), held)
         m.d.sync += held.eq(shown)

@@ -20,7 +20,8 @@ from .tables import WORDS, total
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--config", "name", type=click.Choice(list(CONFIGS)), default="thesis", show_default=True,
+@click.option("--config", "name", default="thesis", show_default=True,
+              type=click.Choice([name for name, config in CONFIGS.items() if not config.assemblies()]),
               help="The core: the main module of a configuration.")
 @click.option("--count", type=click.IntRange(1), default=10_000, show_default=True, help="Number of flipped bits.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Which bits, and when.")
