@@ -212,11 +212,13 @@ MUTANTS = (
          ("sender.frames.ready | ~chosen)", "sender.frames.ready)", "an update without a frame counts as overrun"),
          select="frames"),
     *_of("link/sender.py",
-         ("with m.If(index == self.loading - 1)", "with m.If(index == self.loading - 2)", "the last word is that before"),
+         ("with m.If(index == self.loading - 1)", "with m.If(index == self.loading - 2)",
+          "the last word is that of the frame before"),
          tests="cores/test_optical_modules.py", select="frames"),
     *_of("cores/optical_top.py",
          ("shown = Mux(finish, Cat(now, line), held)", "shown = Cat(now, line)", "status and line number come early"),
-         ("with m.If(line_ends & good[index])", "with m.If(line_ends)", "the position of a line without a spot is used"),
+         ("with m.If(line_ends & good[index])", "with m.If(line_ends)",
+          "the position of a line without a spot is used"),
          tests="cores/test_optical_modules.py", select="change_together"),
 )
 """Every fault, by source file."""
