@@ -266,6 +266,21 @@ def test_accelerometer_that_is_not_a_number(bench):
     assert set(np.diff(run.cycle)) == {bench.timing.line_cycles}
 
 
+def test_accelerometer_that_is_far_too_large(bench):
+    """Finite numbers whose results are not: after eight updates that are refused, the rotor starts again."""
+    bench = bench("optical_s11639")
+    samples = inertial(bench, 20)
+    samples.f_b[12:39] = [1e25, 1e25, 1e30]
+    run = run_of(bench, 20, Studio({}), samples=samples)
+    assert bench.differing_bits(run) == 0
+    refused = np.flatnonzero(run.flag("refused"))
+    assert list(np.diff(refused[:8])) == [1] * 7
+    assert refused[7] + 1 not in refused
+    tilt = run.angles["out_roll"].astype(float) - run.angles["out_roll_measured"]
+    # The first update after a restart has a vertical rotor.
+    assert tilt[refused[7] + 1] == 0
+
+
 def test_no_samples_of_the_accelerometer(bench):
     """Without a sample since the line before, the rotor axis stays."""
     bench = bench("optical_s11639")

@@ -30,7 +30,7 @@ ANGLES = "out_roll", "out_pitch", "out_roll_measured", "out_pitch_measured"
 
 @dataclass(frozen=True)
 class Inertial:
-    """Samples of accelerometer and yaw rate.
+    """Samples of accelerometer and yaw rate, far enough apart for OPT_top to take all of them.
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ class PinBench:
         return OpticalRun(self.config, pins, inertial, dict(calibration), self._update)
 
     def cycles(self, lines: int) -> int:
-        """Clock cycles in which this number of lines is exposed and read, and its updates and frame end."""
+        """Clock cycles in which this number of lines is exposed and read, and its updates end."""
         return START + (lines + 1) * self.timing.line_cycles + self.core.latency
 
     def spots(self, light: np.ndarray) -> Spots:
