@@ -180,6 +180,9 @@ def optical(words, place):
     file.write_text(json.dumps({"words": {port: {"value": value} for port, value in SET_B.ports().items()}}),
                     encoding="utf-8")
     place.stand_in("strapdown_sim.drivers.optical.PinDriver", SilentPins)
+    # tests/sim/test_optical_command.py draws.
+    for picture in "lines", "angles", "exposure", "budget":
+        place.stand_in(f"strapdown_sim.optical.{picture}_picture", lambda path, **what: None)
     # The Verilog would take most of the time; other tests make and compare it.
     place.stand_in("strapdown.export.verilog.to_verilog", empty_verilog)
     place.invoke(main, words[1:])
