@@ -222,9 +222,9 @@ def test_no_text_gets_out_of_the_header(make_core, text, tmp_path):
 
 
 def test_letters_outside_ascii_become_plain_letters_or_escapes(make_core):
-    config = THESIS.model_copy(update={"description": "Höhe 😀, 90°, γs − Δθ₁ of Φ"})
+    config = THESIS.model_copy(update={"description": "Höhe 😀, 90°, γs − Δθ₁ of Φ, 2²³"})
     text = verilog_text(make_core("INS_atan", THESIS), config)
-    assert "configuration thesis (Hohe \\U0001f600, 90 deg, gamma_s - Delta_theta_1 of Phi)." in text
+    assert "configuration thesis (Hohe \\U0001f600, 90 deg, gamma_s - Delta_theta_1 of Phi, 2^23)." in text
 
 
 def test_header_tells_licence_versions_and_command(folder):

@@ -92,6 +92,8 @@ def test_formats_of_lines(tmp_path):
     np.savetxt(tmp_path / "a.csv", rows, fmt="%d", delimiter=",")
     assert np.array_equal(read_lines(tmp_path / "a.npz", PIXELS), lines)
     assert np.array_equal(read_lines(tmp_path / "a.csv", PIXELS), lines)
+    (tmp_path / "mark.csv").write_text((tmp_path / "a.csv").read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert np.array_equal(read_lines(tmp_path / "mark.csv", PIXELS), lines)
     from PIL import Image
 
     Image.fromarray(np.rint(rows * (65535 / FULL_SCALE)).astype(np.uint16)).save(tmp_path / "a.png")
@@ -123,6 +125,8 @@ def test_files_that_hold_no_lines(tmp_path):
     assert told("f.npz") == "2 lines of the roll sensor and 3 of the pitch sensor; cut the longer one"
     (tmp_path / "a.csv").write_text("1,2,x\n", encoding="utf-8")
     assert told("a.csv").startswith("not a table of numbers: ")
+    (tmp_path / "b.csv").write_text("\n", encoding="utf-8")
+    assert told("b.csv") == "the file is empty"
     (tmp_path / "a.png").write_bytes(b"no picture")
     assert told("a.png") == "not a PNG picture"
     imsave(tmp_path / "b.png", np.zeros((2, 8, 3)))
@@ -149,6 +153,11 @@ def test_commands_that_are_refused(tmp_path):
     assert refused("--config", "mahony") == (
         "configuration mahony has no OPT_top: choose from optical_tcd1304, optical_s11639, optical_erected")
     assert refused("--lines", 5, "--seconds", 1) == "--lines and --seconds exclude each other: give only one of them"
+    for number in "nan", "inf":
+        assert refused("--seconds", number) == f"--seconds must be a finite number, not {number}"
+    result = invoke("--seed", -1)
+    assert result.exit_code == 2
+    assert "'--seed': -1 is not in the range" in result.stderr
     assert refused("a", "--seconds", 70).startswith("flight a lasts 60 s, and 140000 lines take ")
     assert refused("--set", "trigger=external") == (
         "configuration optical_s11639: a run needs trigger=internal, not 'external'")

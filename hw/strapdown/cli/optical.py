@@ -35,7 +35,7 @@ DEFAULT = "optical_s11639"
 @click.option("--calibration", type=click.Path(exists=True, dir_okay=False, path_type=Path), default=None,
               metavar="FILE", help="calibration.json of 'strapdown calibrate optical'.  "
                                    "[default: the right words of a flight]")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--show", "shown", type=click.IntRange(min=0), default=None, metavar="N",
               help="Update whose lines are drawn.  [default: the middle one]")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
@@ -67,6 +67,8 @@ def optical(source, config_name, changes, lines, seconds, output, camera, calibr
     if lines is not None and seconds is not None:
         raise UserError("--lines and --seconds exclude each other: give only one of them")
     if seconds is not None:
+        if not math.isfinite(seconds):
+            raise UserError(f"--seconds must be a finite number, not {seconds:g}")
         lines = max(2, math.ceil(seconds * config.sample_rate_hz))
     labels = {"build": "generate and compile", "simulate": "simulate, lines", "compare": "compare and draw"}
     with progress_bars() as bars:

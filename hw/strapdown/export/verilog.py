@@ -18,7 +18,7 @@ from .lint import waivers
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
 
-ASCII = str.maketrans({"×": "x", "·": "*", "²": "^2", "³": "^3", "ᵀ": "^T", "−": "-", "√": "sqrt",
+ASCII = str.maketrans({"×": "x", "·": "*", "ᵀ": "^T", "−": "-", "√": "sqrt",
                        "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
 """Replacements for common characters outside ASCII. Old tools read Verilog, comments included, as ASCII."""
 
@@ -153,6 +153,7 @@ def _short(line):
 
 def _ascii(text):
     """Text in printable ASCII: letters without accents, Greek letters by name, escapes for all other characters."""
+    text = re.sub("[⁰¹²³⁴-⁹]+", lambda found: "^" + unicodedata.normalize("NFKD", found[0]), text)
     plain = "".join(char for char in unicodedata.normalize("NFKD", text.translate(ASCII))
                     if not unicodedata.combining(char))
     plain = re.sub("([Α-Ωα-ω])(?=([^\\W_])?)", _greek, plain)

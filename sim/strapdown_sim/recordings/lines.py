@@ -66,9 +66,13 @@ def _npz(path):
 
 def _csv(path):
     try:
-        return _halves(np.loadtxt(path, delimiter=",", ndmin=2))
+        rows = path.read_text(encoding="utf-8-sig").split("\n")
+        table = np.loadtxt(rows, delimiter=",", ndmin=2) if any(row.strip() for row in rows) else None
     except ValueError as error:
         raise RecordingError(f"{path}: not a table of numbers: {error}".splitlines()[0]) from None
+    if table is None:
+        raise RecordingError(f"{path}: the file is empty")
+    return _halves(table)
 
 
 def _png(path):
