@@ -172,7 +172,7 @@ class FrameSender(Described):
 
 
 class HeldFrameSender(FrameSender):
-    """A FrameSender that keeps the payload in LUT RAM, word by word, and so takes half of the LUTs.
+    """A FrameSender that keeps the payload in a small memory, word by word, and with LUT RAM takes half of the LUTs.
 
     The payload of a frame must hold for ``loading`` cycles after the frame was taken. Its size is a multiple of 4.
     All else is as in FrameSender.
@@ -189,8 +189,7 @@ class HeldFrameSender(FrameSender):
         return self._payload_size // WORD
 
     def _bytes(self, m, left):
-        m.submodules.payload = payload = Memory(shape=8 * WORD, depth=1 << (self.loading - 1).bit_length(), init=[],
-                                                attrs={"ram_style": "distributed"})
+        m.submodules.payload = payload = Memory(shape=8 * WORD, depth=1 << (self.loading - 1).bit_length(), init=[])
         write, read = payload.write_port(), payload.read_port(domain="comb")
         index, loads = Signal(range(self.loading)), Signal()
         m.d.comb += [write.addr.eq(index), write.en.eq(loads),

@@ -11,7 +11,7 @@ from strapdown.cores import CONFIGS, Top, main_module, make_module
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
 
-__all__ = ["CORES", "UNMEASURED", "CoreEntry", "simulated_cycles"]
+__all__ = ["CORES", "CoreEntry", "simulated_cycles"]
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,8 @@ class CoreEntry:
 # In binary64 a core takes a quarter of an hour to route, and has no target frequency.
 UNPLACED = {"sins", "sins_damped"}
 
-UNMEASURED = {"optical_tcd1304", "optical_s11639", "optical_erected"}
-"""Configurations of which docs/report has no figures yet."""
-
 CORES = tuple(CoreEntry(main_module(config), config, partial(make_module, main_module(config), config),
-                        placed=config.name not in UNPLACED)
-              for config in CONFIGS.values() if config.name not in UNMEASURED)
+                        placed=config.name not in UNPLACED) for config in CONFIGS.values())
 
 
 def simulated_cycles(core, verilog, build):

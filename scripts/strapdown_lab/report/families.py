@@ -13,7 +13,7 @@ from strapdown_lab.synthesis import RESOURCES, Family, synthesise, tool_versions
 from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest
 
-from .cores import UNMEASURED, UNPLACED
+from .cores import UNPLACED
 from .measure import core_circuit
 
 __all__ = ["VARIANTS", "Variant", "circuit", "family_lines", "family_table", "measure_families"]
@@ -33,8 +33,6 @@ class Variant:
 
 def _variants():
     for config in CONFIGS.values():
-        if config.name in UNMEASURED:
-            continue
         yield Variant(config)
         if config.engine_pool.operand_memory is not MemoryStyle.BLOCK:
             yield Variant(config.replace(operand_memory="block", side_memory="none"), in_block=True)

@@ -16,6 +16,9 @@ BUDGETS = {
     "flight": {"cycles": 450, "lut": 3800, "dsp": 6},
     "quaternion_j2": {"cycles": 70, "lut": 1500},
     "sins": {"lut": 6000},
+    "optical_tcd1304": {"lut": 3500, "dsp": 5, "bram": 2},
+    "optical_s11639": {"lut": 3500, "dsp": 5, "bram": 2},
+    "optical_erected": {"lut": 3500, "dsp": 5, "bram": 2},
 }
 """Maps each configuration to the budget of its main core: cycles per update, and resources of ``synthesise_xc7``."""
 
