@@ -78,6 +78,13 @@ def test_angles_come_within_300_cycles_of_the_last_pixel(make_module, config):
     assert make_module("OPT_top", config).latency <= 300
 
 
+@pytest.mark.parametrize("mode", ["streaming", "buffered"])
+def test_no_memory_demands_luts(mode):
+    """Families without LUT RAM have no mapping for it."""
+    config = OPTICAL_TCD1304.replace(mode=mode)
+    assert 'ram_style = "distributed"' not in verilog_text(make_module("OPT_top", config), config)
+
+
 @pytest.mark.verilator
 @pytest.mark.parametrize(("every", "distances", "sent", "overruns"), [
     # The sixth update comes while the fifth is being sent.
