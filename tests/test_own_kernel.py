@@ -136,8 +136,8 @@ def test_the_same_inside_the_tree(page, folder, root):
         f"from pydantic{system}", encoding="utf-8")
     catalogue = tree / "cores" / "catalogue.py"
     text = catalogue.read_text(encoding="utf-8")
-    assert text.count("SINS_DAMPED)") == 1
-    catalogue.write_text(text.replace("SINS_DAMPED)", "SINS_DAMPED, COMPASS)").replace(
+    assert text.count("SINS_DAMPED, ") == 1
+    catalogue.write_text(text.replace("SINS_DAMPED, ", "SINS_DAMPED, COMPASS, ").replace(
         "from .core import", "from .compass import COMPASS\nfrom .core import", 1), encoding="utf-8")
     for target, path in ("compass", {"PYTHONPATH": str(tree.parent)}), ("my_core.py:COMPASS", {}):
         subprocess.run([sys.executable, "-m", "strapdown", "generate", target, "--output", target.partition(".")[0]],

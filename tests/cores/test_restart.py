@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.config import ConfigError
-from strapdown.cores import CONFIGS, QUATERNION_J3, SINS, THESIS, THESIS_X8, main_module, system_of
+from strapdown.cores import CONFIGS, QUATERNION_J3, SINS, THESIS, THESIS_X8, main_module, modules_of, system_of
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
@@ -94,7 +94,8 @@ def test_the_circuit_counts_like_the_twin(make_core, models, tmp_path, config, p
 
 def test_which_cores_start_again():
     for config in CONFIGS.values():
-        system = system_of(main_module(config), config)
+        module = modules_of(config)[0] if config.assemblies() else main_module(config)
+        system = system_of(module, config)
         assert system.restart_after == config.restart_after == (0 if isinstance(config, type(SINS)) else LIMIT)
     assert system_of("INS_acc", THESIS).restart_after == 0
 

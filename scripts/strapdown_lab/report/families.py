@@ -19,6 +19,10 @@ from .measure import core_circuit
 __all__ = ["VARIANTS", "Variant", "circuit", "family_lines", "family_table", "measure_families"]
 
 
+UNMEASURED = {"optical_tcd1304", "optical_s11639", "optical_erected"}
+"""Configurations that the table does not hold yet."""
+
+
 @dataclass(frozen=True)
 class Variant:
     """A configuration, as it is or with its operand memory in block RAM for families without LUT RAM."""
@@ -33,13 +37,15 @@ class Variant:
 
 def _variants():
     for config in CONFIGS.values():
+        if config.name in UNMEASURED:
+            continue
         yield Variant(config)
         if config.engine_pool.operand_memory is not MemoryStyle.BLOCK:
             yield Variant(config.replace(operand_memory="block", side_memory="none"), in_block=True)
 
 
 VARIANTS = tuple(_variants())
-"""All named configurations; those whose operand memory is not in block RAM twice."""
+"""The named configurations of the table; those whose operand memory is not in block RAM twice."""
 
 
 def circuit(variant: Variant, make_module: Callable[..., Any] = make_module) -> tuple[dict[str, Any], str]:
