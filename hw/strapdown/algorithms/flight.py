@@ -16,7 +16,7 @@ import math
 from typing import Any, NamedTuple
 
 from .attitude import Update, matrix_angles
-from .vector import SHORTEST_SQUARE, add, dot, permute, scale, transposed_vector
+from .vector import SHORTEST_SQUARE, add, dot, permute, scale, subtract, transposed_vector
 
 __all__ = ["ALIGNMENTS", "FRAMES", "Frame", "LONGEST_PERIOD", "Parameters", "Sensors", "Settings", "State",
            "bias_update", "field_correction", "flight_update", "gyro_average", "heading", "low_pass",
@@ -97,11 +97,6 @@ class Parameters(NamedTuple):
 def is_constant(*values):
     """True if all values are numbers that are known, and checked, when the circuit is made."""
     return all(type(value) is float for value in values)
-
-
-def subtract(a, b):
-    """Difference of two vectors."""
-    return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
 def squared(x):

@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 from .attitude import DEGREES, Update
-from .vector import cross, dot, scale
+from .vector import add, cross, dot, scale, subtract
 
 __all__ = ["GRAVITY", "Calibration", "Inertial", "Light", "Settings", "Turn", "angles_of_rotor", "erection", "integer",
            "level", "light", "measured_angles", "optical_update", "patent_angles", "pixels", "precession", "slope"]
@@ -146,8 +146,8 @@ def precession(n, f, turn, step, correction=None):
     torque = scale(step, cross(n, f))
     turned = (near * x + turn * y, near * y - turn * x)
     if correction is not None:
-        turned = tuple(a + b for a, b in zip(turned, correction, strict=True))
-    m = tuple(a - b for a, b in zip((*turned, z), torque, strict=True))
+        turned = add(turned, correction)
+    m = subtract((*turned, z), torque)
     return scale(1.5 - 0.5 * dot(m, m), m)
 
 

@@ -4,7 +4,7 @@ The order of operations is part of each function: sums are written out, so that 
 rounds in the same places. Sums are balanced, because depth is time in hardware.
 """
 
-__all__ = ["SHORTEST_SQUARE", "add", "scale", "dot", "cross", "length_squared", "column", "matrix_vector",
+__all__ = ["SHORTEST_SQUARE", "add", "subtract", "scale", "dot", "cross", "length_squared", "column", "matrix_vector",
            "transposed_vector", "permute", "polynomial"]
 
 SHORTEST_SQUARE = 2.0**-100
@@ -16,6 +16,11 @@ zero. It does not change a square of 2**-75 or more, because it is less than hal
 def add(a, b):
     """Sum of two vectors of equal length."""
     return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def subtract(a, b):
+    """Difference of two vectors of equal length."""
+    return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
 def scale(factor, a):

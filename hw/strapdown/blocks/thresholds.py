@@ -29,8 +29,8 @@ class Thresholds(Described):
     update : In(1)
         High for one cycle with the results of a line.
     peak, black_next : In(12)
-        Results of SpotFinder: ``line_peak`` and ``black_next``. Background light can hold the thresholds if the peak is
-        that of a run.
+        Results of SpotFinder: ``line_peak`` and ``black_next``. The peak is that of the whole
+        line: with that of a run, background light could hold the thresholds.
     black, lo, hi : Out(12)
         Inputs of SpotFinder for the next line, two cycles after ``update``. After a reset: 0 and the least values.
     known : Out(1)
@@ -47,17 +47,16 @@ class Thresholds(Described):
             raise ValueError(f"shift must be from 1 to {PIXEL_WIDTH - 1}, not {shift!r}")
         super().__init__({"update": In(1), "peak": In(PIXEL_WIDTH), "black_next": In(PIXEL_WIDTH),
                           "black": Out(PIXEL_WIDTH), "lo": Out(PIXEL_WIDTH, init=self._lo_min),
-                          "hi": Out(PIXEL_WIDTH, init=self._upper(self._lo_min)), "known": Out(1)})
+                          "hi": Out(PIXEL_WIDTH, init=int(self._upper(self._lo_min))), "known": Out(1)})
 
     def _upper(self, lo):
-        """hi of an int or of an array."""
-        return np.maximum(2 * self._lo_min, lo + (lo >> 1)) if isinstance(lo, np.ndarray) else max(
-            2 * self._lo_min, lo + (lo >> 1))
+        """hi of lo, as NumPy's integers."""
+        return np.maximum(2 * self._lo_min, lo + (lo >> 1))
 
     def compute(self, peak):
         """Software twin: lo and hi after a line with this peak, an array of integers."""
         lo = np.maximum(self._lo_min, np.asarray(peak) >> self._shift)
-        return lo, np.maximum(2 * self._lo_min, lo + (lo >> 1))
+        return lo, self._upper(lo)
 
     def track(self, finder, lines):
         """The spots of consecutive lines of one sensor, from reset on.
@@ -71,7 +70,7 @@ class Thresholds(Described):
         ``known`` of each line.
         """
         rows = []
-        black, lo, hi = 0, self._lo_min, self._upper(self._lo_min)
+        black, lo, hi = 0, self._lo_min, int(self._upper(self._lo_min))
         for number, line in enumerate(lines):
             found = finder.compute(line, black, lo, hi)
             rows.append(found | {"black": black, "lo": lo, "hi": hi, "known": int(number > 0)})

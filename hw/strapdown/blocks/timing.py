@@ -17,7 +17,7 @@ EXPOSURE_WIDTH = 24
 
 TRIGGERS = "internal", "external"
 
-# After a sample, and around the edges of ICG, SH rests for some seconds.
+# After a sample, and around the edges of ICG, SH rests for these times, in seconds.
 SH_AFTER_SAMPLE, SH_FROM_ICG = 50e-9, 500e-9
 
 
@@ -51,8 +51,8 @@ class LineTiming(Described):
     run : In(1)
         High for lines.
     exposure : In(array of 2 x 24 bits)
-        Exposure of the roll and of the pitch sensor, cycles, taken at the begin of a line. The effective exposure is
-        the next shorter one that the slots allow, within ``exposure_range``.
+        Exposure of the roll and of the pitch sensor, cycles, taken one pixel slot before a line begins. The effective
+        exposure is the next shorter one that the slots allow, within ``exposure_range``.
     trigger : In(1)
         Only with an external trigger. It may change at any time.
     ccd_clk : Out(1)

@@ -14,7 +14,7 @@ from strapdown.config import Config, ConfigError
 from strapdown.cores import CONFIGS, main_module, make_core, make_module, modules_of
 
 __all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "made_module",
-           "named_configuration", "own_line", "target_of", "writing"]
+           "named_configuration", "own_line", "show_table", "target_of", "writing"]
 
 DEFAULT = "thesis"
 
@@ -187,6 +187,13 @@ def configured(config_name, changes):
 def command_line(*words):
     """A command of this program as one line, quoted for a shell."""
     return shlex.join(["strapdown", *map(str, words)])
+
+
+def show_table(rows):
+    """Print pairs of name and value, the values below each other."""
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        click.echo(f"{name:<{width}}  {value}")
 
 
 def _first_with(modules):

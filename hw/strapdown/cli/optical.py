@@ -11,8 +11,8 @@ from strapdown.blocks import SENSORS
 from strapdown.config import ConfigError
 from strapdown.cores import CONFIGS, OpticalConfig
 
-from .common import UserError, config_options, target_of, writing
-from .progress import progress_bars
+from .common import UserError, config_options, show_table, target_of, writing
+from .progress import progress_of_stages
 
 __all__ = ["optical"]
 
@@ -52,7 +52,7 @@ def optical(source, config_name, changes, lines, seconds, output, camera, calibr
     their errors; budget.png the parts of the error; exposure.png exposure, peak and status. angles.csv and summary.json
     have the numbers.
 
-    A run takes about half a second for each million clock cycles. A slower clock with the same sensor saves time, as in
+    The time of a run grows with its clock cycles. A slower clock with the same sensor saves time, as in
     --set clock_hz=50e6.
     """
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
@@ -71,14 +71,7 @@ def optical(source, config_name, changes, lines, seconds, output, camera, calibr
             raise UserError(f"--seconds must be a finite number, not {seconds:g}")
         lines = max(2, math.ceil(seconds * config.sample_rate_hz))
     labels = {"build": "generate and compile", "simulate": "simulate, lines", "compare": "compare and draw"}
-    with progress_bars() as bars:
-        tasks = {}
-
-        def progress(stage, done, total):
-            if stage not in tasks:
-                tasks[stage] = bars.add_task(labels[stage], total=total)
-            bars.update(tasks[stage], completed=done)
-
+    with progress_of_stages(labels) as progress:
         try:
             light, lines = _source(source, config, lines, camera, calibration, seed)
             with writing(output, build):
@@ -145,9 +138,7 @@ def _print_summary(summary, output):
         for axis, error in summary["error_deg"].get(name, {}).items():
             rows.append((f"{label}, {axis}", _figures(error, "°", ".6f")))
     rows.append(("written to", str(output)))
-    width = max(len(name) for name, _ in rows)
-    for name, value in rows:
-        click.echo(f"{name:<{width}}  {value}")
+    show_table(rows)
 
 
 def _figures(error, unit, form):

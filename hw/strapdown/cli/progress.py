@@ -1,6 +1,8 @@
 """Progress bars, on standard error."""
 
-__all__ = ["progress_bars"]
+from contextlib import contextmanager
+
+__all__ = ["progress_bars", "progress_of_stages"]
 
 
 def progress_bars():
@@ -14,3 +16,20 @@ def progress_bars():
     console = Console(stderr=True)
     return Progress(TextColumn("{task.description:<22}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                     console=console, disable=not console.is_terminal)
+
+
+@contextmanager
+def progress_of_stages(labels):
+    """Context manager: a function ``progress(stage, done, total)`` that shows a bar for each stage that has begun.
+
+    ``labels`` maps the stages to the descriptions of their bars.
+    """
+    with progress_bars() as bars:
+        tasks = {}
+
+        def progress(stage, done, total):
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(labels[stage], total=total)
+            bars.update(tasks[stage], completed=done)
+
+        yield progress

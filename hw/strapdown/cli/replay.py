@@ -6,8 +6,8 @@ import click
 
 from strapdown.config import ConfigError
 
-from .common import UserError, config_options, target_of, writing
-from .progress import progress_bars
+from .common import UserError, config_options, show_table, target_of, writing
+from .progress import progress_of_stages
 
 __all__ = ["replay"]
 
@@ -38,14 +38,7 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
     except RecordingError as error:
         raise UserError(str(error)) from None
     labels = {"build": "generate and compile", "simulate": "simulate, samples", "compare": "compare"}
-    with progress_bars() as bars:
-        tasks = {}
-
-        def progress(stage, done, total):
-            if stage not in tasks:
-                tasks[stage] = bars.add_task(labels[stage], total=total)
-            bars.update(tasks[stage], completed=done)
-
+    with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
                 result = run(data, config, output, build=build, progress=progress,
@@ -83,9 +76,7 @@ def _print_summary(summary, output):
         rows.append((f"rotation angle to {recorded['reference']}",
                      f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample"))
     rows.append(("written to", str(output)))
-    width = max(len(name) for name, _ in rows)
-    for name, value in rows:
-        click.echo(f"{name:<{width}}  {value}")
+    show_table(rows)
 
 
 def _figure(value, form, unit=""):

@@ -1,9 +1,16 @@
-"""What the header and the JSON file of a module tell about the frames that it sends."""
+"""The ports of a module that sends frames, and what its header and its JSON file tell about them."""
 
-from strapdown.kernel.description import Section
+from amaranth.lib.wiring import Out
+
+from strapdown.kernel.description import Port, Section
 from strapdown.link import LAYOUT
 
-__all__ = ["frame_facts", "frame_sections"]
+__all__ = ["LINK_PORTS", "frame_facts", "frame_sections"]
+
+LINK_PORTS = (Port("uart_tx", Out, 1, "serial line, 8N1, high while idle", init=1),
+              Port("out_link_busy", Out, 1, "high while a frame is sent"),
+              Port("out_link_overrun", Out, 1, "the last update was not sent, because a frame was being sent"))
+"""Ports of the serial line and of its state."""
 
 
 def frame_sections(kind, sender, begin):

@@ -2,13 +2,11 @@
 
 from amaranth import *
 from amaranth.lib import wiring
-from amaranth.lib.wiring import Out
 
-from strapdown.kernel.description import Port
 from strapdown.link import FRAME_TYPES, FrameSampler, FrameSender
 
 from .catalogue import control_of, main_module, make_core, system_of
-from .frames import frame_facts, frame_sections
+from .frames import LINK_PORTS, frame_facts, frame_sections
 from .top import Top, Wrapper
 
 __all__ = ["UartLink", "uart_core"]
@@ -61,10 +59,7 @@ class UartLink(Wrapper):
         super().__init__(
             engine, name=f"{system.name.removesuffix('_top')}_uart",
             title=f"{system.name}, sending {kind.meaning} over a serial line",
-            added=(Port("uart_tx", Out, 1, "serial line, 8N1, high while idle", init=1),
-                   Port("out_link_busy", Out, 1, "high while a frame is sent"),
-                   Port("out_link_overrun", Out, 1,
-                        "the last update was not sent, because a frame was being sent")))
+            added=LINK_PORTS)
 
     @property
     def sender(self):

@@ -22,8 +22,8 @@ divider make up for the time."""
 
 
 def preset(**limits: Any) -> Any:
-    """A field that has a preset of the sensor; its value is always set."""
-    return Field(default=None, validate_default=False, **limits)
+    """A field that has a preset of the sensor: None only until the presets are filled in."""
+    return Field(default=None, **limits)
 
 
 class OpticalConfig(Config):

@@ -12,16 +12,18 @@ from strapdown.blocks import (
     ParallelAdc,
     SpiAdc,
     SpotFinder,
+    Thresholds,
 )
 from strapdown.component import Described
-from strapdown.kernel.description import Port, Section
+from strapdown.kernel.description import Port, Section, status_port
 from strapdown.link import OPTICAL_ATTITUDE, FrameSampler, HeldFrameSender
 
-from .frames import frame_facts, frame_sections
+from .frames import LINK_PORTS, frame_facts, frame_sections
 from .optical_update import STATUS
+from .top import through
 
-__all__ = ["CCDS", "Adapter", "Assembled", "FrameOutput", "adc_pins", "capture", "connected", "finder", "opt_buffer",
-           "opt_capture", "opt_send", "opt_spot", "opt_timing", "read_ports", "sensor_pins", "status_port"]
+__all__ = ["CCDS", "Adapter", "Assembled", "FrameOutput", "adc_pins", "capture", "finder", "opt_buffer",
+           "opt_capture", "opt_send", "opt_spot", "opt_timing", "read_ports", "sensor_pins", "thresholds"]
 
 CCDS = {"r": "roll", "p": "pitch"}
 """Letters in the names of ports, and the CCDs that they stand for."""
@@ -84,19 +86,6 @@ class Assembled(Described):
         return self._facts
 
 
-def connected(outer, inner, ports):
-    """Statements that connect ports of a component to members of a component inside it.
-
-    ``ports`` maps each Port of ``outer`` to a member of ``inner``: names and indices, with points between them.
-    """
-    for port, path in ports.items():
-        there = inner
-        for part in path.split("."):
-            there = there[int(part)] if part.isdigit() else getattr(there, part)
-        here, there = Value.cast(getattr(outer, port.name)), Value.cast(there)
-        yield there.eq(here) if port.flow is In else here.eq(there)
-
-
 class Adapter(Assembled):
     """A component inside a module with other names of its ports.
 
@@ -106,7 +95,7 @@ class Adapter(Assembled):
         Of the module.
     inner : wiring.Component
     ports : dict
-        Maps each Port to a member of ``inner``, as in ``connected``.
+        Maps each Port to a member of ``inner``, as in ``through``.
     **parameters
         As of Assembled.
     """
@@ -115,15 +104,10 @@ class Adapter(Assembled):
         self._inner, self._paths = inner, ports
         super().__init__(name, title, ports, **parameters)
 
-    @property
-    def inner(self):
-        """The component inside."""
-        return self._inner
-
     def elaborate(self, platform):
         m = Module()
         m.submodules.inner = self._inner
-        m.d.comb += connected(self, self._inner, self._paths)
+        m.d.comb += through(self, self._inner, {port.name: path for port, path in self._paths.items()})
         return m
 
 
@@ -243,6 +227,11 @@ def finder(config):
     return SpotFinder(SENSORS[config.sensor].pixels, gap=config.gap, width_max=config.width_max)
 
 
+def thresholds(config):
+    """Thresholds of an OpticalConfig."""
+    return Thresholds(lo_min=config.lo_min, shift=config.shift)
+
+
 def opt_spot(config):
     """OPT_spot for an OpticalConfig."""
     spot = finder(config)
@@ -264,12 +253,6 @@ def opt_spot(config):
     text = (f"out_spot_finish rises {spot.latency} cycles after the last pixel, with all results, which hold until the "
             "next line. Black level and thresholds must not change from the first pixel to then.")
     return Adapter("OPT_spot", TITLES["OPT_spot"], spot, ports, latency=spot.latency, sections=(_timing(text),))
-
-
-def status_port(flow, name):
-    """The port of the status bits."""
-    bits = ", ".join(f"{bit} {name.replace('_', ' ')}" for bit, name in enumerate(STATUS))
-    return Port(name, flow, len(STATUS), f"status bits: {bits}")
 
 
 class FrameOutput(Assembled):
@@ -295,6 +278,7 @@ class FrameOutput(Assembled):
     out_link_busy, out_link_overrun : Out(1)
         As of ``UartLink``.
 
+    Status and numbers must hold from the rising edge on, for the cycles in which the sender loads them.
     The frame's counter counts all updates.
     Latency: ``latency`` cycles from the rising edge to the first start bit.
     Raises: ValueError if a frame takes longer than ``every`` periods, and as ``UartTransmitter``.
@@ -311,21 +295,15 @@ class FrameOutput(Assembled):
                 f"{baud_rate:g} baud, longer than {1000 * period_s * every:.3g} ms, which is send_every={every} lines")
         super().__init__(
             "OPT_send", TITLES["OPT_send"], (
-                Port("in_send_en", In, 1, "an update is complete, at its rising edge"), status_port(In, "in_status"),
+                Port("in_send_en", In, 1, "an update is complete, at its rising edge"),
+                status_port("in_status", STATUS, In),
                 *(Port(f"in_{quantity.name}", In, 32, f"{quantity.meaning}, {quantity.unit}")
                   for quantity in kind.quantities),
-                *self.outputs()), latency=2,
+                *LINK_PORTS), latency=2,
             sections=frame_sections(
                 kind, self._sender, f"A frame begins two cycles after in_send_en has risen, every {every} times."
                 if every > 1 else "A frame begins two cycles after in_send_en has risen."),
             facts=frame_facts(kind, self._sender))
-
-    @staticmethod
-    def outputs():
-        """Ports of the line and its state."""
-        return (Port("uart_tx", Out, 1, "serial line, 8N1, high while idle", init=1),
-                Port("out_link_busy", Out, 1, "high while a frame is sent"),
-                Port("out_link_overrun", Out, 1, "the last update was not sent, because a frame was being sent"))
 
     @property
     def sender(self):

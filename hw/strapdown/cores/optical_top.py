@@ -3,12 +3,15 @@
 from amaranth import *
 from amaranth.lib.wiring import In, Out, connect
 
-from strapdown.blocks import SENSORS, ExposureControl, LineBuffer, Thresholds
+from strapdown.algorithms.optical import Calibration, Inertial
+from strapdown.blocks import SENSORS, ExposureControl, LineBuffer
 from strapdown.config import Assembly
-from strapdown.kernel.description import Port, Section
+from strapdown.kernel.description import Port, Section, status_port
 from strapdown.kernel.engine import Engine
+from strapdown.kernel.system import leaves
 from strapdown.link import OPTICAL_ATTITUDE
 
+from .frames import LINK_PORTS
 from .inertial_sums import InertialSums
 from .optical_modules import (
     CCDS,
@@ -17,7 +20,6 @@ from .optical_modules import (
     Assembled,
     adc_pins,
     capture,
-    connected,
     finder,
     opt_buffer,
     opt_capture,
@@ -27,9 +29,10 @@ from .optical_modules import (
     read_ports,
     run_ports,
     sensor_pins,
-    status_port,
+    thresholds,
 )
 from .optical_update import FRACTION, STATUS, opt_update
+from .top import through
 
 __all__ = ["OPTICAL_ASSEMBLIES", "OpticalTop"]
 
@@ -49,8 +52,8 @@ class OpticalTop(Assembled):
     """The optical attitude sensor, from the pins of its CCDs to roll and pitch, for an OpticalConfig.
 
     A line is read out, captured and searched for spots, in each CCD separately. Then an update of the angles begins.
-    It takes the position of each spot, or the last good one if there is no good one in this line; the number of the
-    first pixel's neighbour at angle zero, in_n0, if there never was one. Specific force and yaw rate are the means of
+    It takes the position of each spot, or the last good one if there is no good one in this line, or in_n0, which gives
+    angle zero, if there never was one. Specific force and yaw rate are the means of
     the samples since the line before. A sample counts for the line whose last pixel comes after it.
 
     Until there was a good position of both CCDs, and in the first update after that, specific force and yaw rate are
@@ -66,13 +69,13 @@ class OpticalTop(Assembled):
         self._adc = capture(config, timing)
         self._buffer = LineBuffer(sensor.pixels) if config.mode == "buffered" else None
         self._finders = [finder(config) for _ in CCDS]
-        self._thresholds = [Thresholds(lo_min=config.lo_min, shift=config.shift) for _ in CCDS]
+        self._thresholds = [thresholds(config) for _ in CCDS]
         least, most = timing.exposure_range
-        start = min(max(round(config.exposure_us * config.clock_hz / 1e6), least), most)
+        start = round(config.exposure_us * config.clock_hz / 1e6)
         self._exposures = [ExposureControl(least=least, most=most, start=start, fixed=config.exposure == "fixed")
                            for _ in CCDS]
         self._engine = engine = Engine(opt_update(config), config.engine_pool)
-        inertial = [port for port in engine.ports if port.name.startswith(("in_acc", "in_yaw"))]
+        inertial, words = (self._ports_of(fields) for fields in (Inertial, Calibration))
         self._inertial = [port.name for port in inertial]
         self._sums = InertialSums(format, len(inertial)) if inertial else None
         self._send = opt_send(config)
@@ -81,21 +84,25 @@ class OpticalTop(Assembled):
             raise ValueError(f"the angles of a line take {latency} cycles, and a line of {sensor.name} only "
                              f"{timing.line_cycles}: choose a longer line or a faster clock")
         shown = [port for port in engine.ports if port.name in SHOWN]
-        words = [port for port in engine.ports if port.name.startswith(("in_n0", "in_scale", "in_tilt", "in_c3"))
-                 or port.name in ("in_h", "in_k")]
         self._paths = {self._timing: run_ports(timing) | sensor_pins(timing) | MIDDLE, self._adc: adc_pins(self._adc)}
         if self._buffer:
             self._paths[self._buffer] = read_ports()
-        self._passed = {port: port.name for port in (*words, *shown)}
+        self._passed = {port.name: port.name for port in (*words, *shown)}
         added = (Port("in_acc_en", In, 1, "a sample of accelerometer and yaw rate, with its numbers"),)
         ports = [*(port for paths in self._paths.values() for port in paths),
-                 *(added if inertial else ()), *inertial, *words, *shown, status_port(Out, "out_status"),
+                 *(added if inertial else ()), *inertial, *words, *shown, status_port("out_status", STATUS),
                  Port("out_line", Out, LINE_BITS, "number of the line since the reset, modulo 65,536; as in the frame"),
-                 *self._send.outputs()]
+                 *LINK_PORTS]
         super().__init__("OPT_top", TITLE, sorted(ports, key=lambda port: port.flow is Out), latency=latency,
                          sections=(Section("TIMING", paragraphs=(self._text(latency),)), *engine.sections[1:],
                                    *self._send.sections[:2]),
                          facts=engine.facts | self._send.facts)
+
+    def _ports_of(self, arguments):
+        """The input ports of the engine for the fields of Inertial or Calibration."""
+        inputs = self._engine.system.inputs
+        names = {name for field in arguments._fields if field in inputs for name in leaves(inputs[field])}
+        return [port for port in self._engine.ports if port.name in names]
 
     def _text(self, latency):
         samples = (f" Samples of the accelerometer are lost if they come less than {self._sums.interval} cycles after "
@@ -124,8 +131,8 @@ class OpticalTop(Assembled):
         m.submodules.timing, m.submodules.capture = timing, adc = self._timing, self._adc
         m.submodules.engine, m.submodules.send = engine, send = self._engine, self._send
         for inner, paths in self._paths.items():
-            m.d.comb += connected(self, inner, paths)
-        m.d.comb += connected(self, engine, self._passed)
+            m.d.comb += through(self, inner, {port.name: path for port, path in paths.items()})
+        m.d.comb += through(self, engine, self._passed)
         m.d.comb += [getattr(adc, name).eq(getattr(timing, name)) for name in ("sample", "first", "last")]
         pixels = adc.pixels
         if self._buffer:
@@ -163,13 +170,13 @@ class OpticalTop(Assembled):
             return Cat(each & getattr(found, name).any()
                        for each, found in zip(good, self._finders, strict=True)).any()
 
-        flags = dict(zip(STATUS, [*(~each for each in good), 0, 0, *map(either, ("several", "saturated", "edge")),
-                                  missing], strict=True))
-        self._show(m, line_ends, starts, Cat(Value.cast(flag)[:1] for flag in flags.values()))
+        flags = {"roll_missing": ~good[0], "pitch_missing": ~good[1], "uncompensated": missing,
+                 **{name: either(name) for name in ("several", "saturated", "edge")}}
+        self._show(m, line_ends, starts, Cat(flags.get(name, C(0)) for name in STATUS))
         m.d.comb += [send.in_send_en.eq(engine.out_attitude_finish), send.in_status.eq(self.out_status),
                      *(getattr(send, f"in_{quantity.name}").eq(getattr(engine, f"out_{quantity.name}"))
                        for quantity in OPTICAL_ATTITUDE.quantities),
-                     *(getattr(self, port.name).eq(getattr(send, port.name)) for port in send.outputs())]
+                     *(getattr(self, port.name).eq(getattr(send, port.name)) for port in LINK_PORTS)]
         return m
 
     def _spots(self, m, index, ccd, pixels, line_ends):

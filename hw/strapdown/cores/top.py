@@ -19,10 +19,14 @@ def through(outer, inner, names):
     outer, inner : wiring.Component
         Both with members of the same flow and width.
     names : dict
-        Maps each member of ``outer`` to the member of ``inner`` to connect.
+        Maps each member of ``outer`` to the member of ``inner`` to connect, or to a part of it: its names and indices
+        with points between them.
     """
     for outside, inside in names.items():
-        here, there = Value.cast(getattr(outer, outside)), Value.cast(getattr(inner, inside))
+        there = inner
+        for part in inside.split("."):
+            there = there[int(part)] if part.isdigit() else getattr(there, part)
+        here, there = Value.cast(getattr(outer, outside)), Value.cast(there)
         yield there.eq(here) if outer.signature.members[outside].flow == In else here.eq(there)
 
 

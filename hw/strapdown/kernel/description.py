@@ -7,7 +7,8 @@ from amaranth.lib.wiring import Flow, In, Out
 
 from strapdown.component import Described
 
-__all__ = ["Port", "Section", "program_facts", "program_sections", "SystemComponent", "status_ports"]
+__all__ = ["Port", "Section", "program_facts", "program_sections", "SystemComponent", "status_port",
+           "status_ports"]
 
 
 @dataclass(frozen=True)
@@ -97,10 +98,13 @@ class SystemComponent(Described):
 
 def status_ports(system, names):
     """The status port of a system with the bits ``names``, lowest first, as a tuple of Port; empty without one."""
-    if not system.status_port:
-        return ()
+    return (status_port(system.status_port, names),) if system.status_port else ()
+
+
+def status_port(name, names, flow=Out):
+    """A port of the status bits ``names``, lowest first."""
     bits = ", ".join(f"{bit} {name.replace('_', ' ')}" for bit, name in enumerate(names))
-    return (Port(system.status_port, Out, len(names), f"status bits: {bits}"),)
+    return Port(name, flow, len(names), f"status bits: {bits}")
 
 
 def program_sections(program):

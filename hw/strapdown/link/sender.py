@@ -200,7 +200,7 @@ class HeldFrameSender(FrameSender):
         counter, status = Signal(8 * _width("counter"), reset_less=True), Signal(8 * _width("status"), reset_less=True)
         head = self._frame(counter, status, C(0, 0))
         begin = place("payload").start
-        number, byte = Signal(range(1 << left.shape().width)), Signal(8)
+        number, byte = Signal(len(left)), Signal(8)
         m.d.comb += [number.eq(self.size - begin - left), read.addr.eq(number >> 2),
                      byte.eq(read.data.word_select(number[:2], 8))]
         with m.Switch(left):
