@@ -52,7 +52,7 @@ report: $(VENV)/ready-report families ## Synthesise, place and route operators a
 	$(BIN)/strapdown report --output build/report
 	mkdir -p docs/report && cp build/report/*.json build/report/*.png docs/report
 
-families: $(VENV)/ready-report ## Synthesise, place and route all configurations for several FPGA families; part of `make report`.
+families: $(VENV)/ready-report ## Synthesise, place and route configurations for several FPGA families; part of `make report`.
 	$(BIN)/strapdown families --output build/families
 	mkdir -p docs/report && cp build/families/families.json docs/report
 

@@ -82,7 +82,8 @@ def report(operators, cores, only, config_names, place, output, build):
 
 
 @click.command()
-@click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
+@click.option("--config", "config_names", multiple=True,
+              type=click.Choice(list(dict.fromkeys(variant.config.name for variant in VARIANTS))),
               help="Measure only this configuration. May be repeated.")
 @click.option("--family", "family_names", type=click.Choice([family.name for family in FAMILIES]), multiple=True,
               help="Measure only in this family. May be repeated.")

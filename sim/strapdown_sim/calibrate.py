@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from strapdown.files import written_together
 
+from .errors import largest, rms
 from .instrument.calibration import Calibration
 from .instrument.flights import body_from_level, level_from_body
 from .instrument.rays import measured_angles
@@ -199,20 +200,12 @@ def write_calibration(fit: Fit, directory: Path) -> dict[str, Any]:
     words = {port: {"value": value, "word": f"{np.float32(value).view(np.uint32):08x}"}
              for port, value in fit.calibration.ports().items()}
     result = {"words": words, "standard_deviation": fit.deviation, "points": len(fit.error_px["roll"]), "errors": {
-        ccd: {"largest_deg": _largest(fit.error_deg[ccd]), "rms_deg": _rms(fit.error_deg[ccd]),
-              "largest_px": _largest(fit.error_px[ccd]), "rms_px": _rms(fit.error_px[ccd])} for ccd in CCDS}}
+        ccd: {"largest_deg": largest(fit.error_deg[ccd]), "rms_deg": rms(fit.error_deg[ccd]),
+              "largest_px": largest(fit.error_px[ccd]), "rms_px": rms(fit.error_px[ccd])} for ccd in CCDS}}
     with written_together(directory) as folder:
         (folder / "calibration.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
         _picture(fit, folder / "calibration.png")
     return result
-
-
-def _largest(errors):
-    return float(np.abs(errors).max())
-
-
-def _rms(errors):
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _picture(fit, path):

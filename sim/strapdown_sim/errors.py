@@ -10,8 +10,8 @@ import numpy as np
 
 __all__ = [
     "AttitudeErrors", "Match", "angle_difference", "attitude_errors", "conjugate", "enu_to_nwu",
-    "match_reference", "multiply", "quaternion_from_matrix", "remove_constant_heading", "rms",
-    "rotation_angle",
+    "largest", "match_reference", "multiply", "quaternion_from_matrix", "remove_constant_heading", "rms",
+    "rotation_angle", "spread",
 ]
 
 
@@ -209,3 +209,17 @@ def angle_difference(a, b):
 def rms(values):
     """Root of the mean square of all values."""
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def largest(values):
+    """Largest magnitude of all values."""
+    return float(np.abs(values).max())
+
+
+def spread(errors):
+    """Largest and RMS of the finite errors, as JSON values, None if none is finite; and the number of the others."""
+    finite = errors[np.isfinite(errors)]
+    figures: dict = {"max": float(finite.max()), "rms": rms(finite)} if finite.size else {"max": None, "rms": None}
+    if finite.size < errors.size:
+        figures["not_finite"] = int(errors.size - finite.size)
+    return figures

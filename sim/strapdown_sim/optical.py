@@ -16,11 +16,10 @@ from strapdown.cores import OpticalConfig
 from strapdown.cores.optical_update import STATUS
 from strapdown.export import write_core
 from strapdown.files import written_together
-from strapdown.link import FrameDecoder
 
 from .drivers.optical import TOP, Inertial, OpticalRun, PinBench, Spots
 from .drivers.toolchain import compiler, verilator_root
-from .errors import angle_difference, rms
+from .errors import angle_difference, spread
 from .instrument.calibration import Calibration
 from .instrument.scene import Scene
 from .optical_picture import angles_picture, budget_picture, exposure_picture, lines_picture
@@ -202,8 +201,7 @@ def _written(source, bench, run, folder, shown):
     reference, parts, rows = errors_of(source, run, spots)
     exposures = np.array([[line.exposure_s * 1e6 if line else np.nan for line in pair] for pair in seen]).reshape(-1, 2)
     time_s = np.array([pair[0].middle_s if pair[0] else np.nan for pair in seen])
-    decoder = FrameDecoder(every=config.send_every)
-    frames = [*decoder.feed(run.pins.bytes), *decoder.finish()]
+    decoder, frames = run.frames()
     summary: dict[str, Any] = {
         "source": source.name, "config": config.name, "sensor": config.sensor, "updates": len(run.cycle),
         "line_rate_hz": config.sample_rate_hz, "cycles_per_line": bench.timing.line_cycles,
@@ -217,14 +215,14 @@ def _written(source, bench, run, folder, shown):
         "updates_with_both_spots": int(np.logical_and(*(own.good for own in spots)).sum()),
     }
     # After the first lines the exposure settles, and the first updates have no precession.
-    summary["error_deg"] = {name: {axis: _spread(values) for axis, values in part._asdict().items()}
+    summary["error_deg"] = {name: {axis: spread(np.abs(values)) for axis, values in part._asdict().items()}
                             for name, part in parts.items()}
     truth = None
     if source.scene is not None and rows.start < rows.stop:
         truths = [source.scene.at(np.array([pair[ccd].middle_s for pair in seen])) for ccd in range(2)]
         truth = Turned(np.degrees(truths[0].roll), np.degrees(truths[1].pitch))
         summary["position_error_px"] = {
-            axis: _spread((own.position / 4096 - true)[own.good])
+            axis: spread(np.abs(own.position / 4096 - true)[own.good])
             for axis, own, true in zip(Turned._fields, spots, (truths[0].roll_px, truths[1].pitch_px), strict=True)}
     title = f"{source.name}: {TOP}, configuration {config.name}, {config.sample_rate_hz:g} Hz"
     angles = Turned(*(run.angles[port].astype(float) for port in ("out_roll", "out_pitch")))
@@ -249,12 +247,6 @@ def _written(source, bench, run, folder, shown):
         budget_picture(folder / "budget.png", title=title, parts=parts)
     (folder / "summary.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return summary
-
-
-def _spread(values: np.ndarray) -> dict[str, float | None]:
-    """Largest and RMS of the magnitudes of the finite errors, as JSON values."""
-    finite = np.abs(values[np.isfinite(values)])
-    return {"max": float(finite.max()), "rms": rms(finite)} if finite.size else {"max": None, "rms": None}
 
 
 def _write_csv(path, columns):

@@ -5,6 +5,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from strapdown.blocks.exposure import LOW, TOO_HIGH
+
+from .errors import rms
+
 __all__ = ["angles_picture", "budget_picture", "exposure_picture", "lines_picture"]
 
 _SENSORS = "roll", "pitch"
@@ -140,7 +144,7 @@ def budget_picture(path, *, title, parts):
         sizes = [np.abs(getattr(parts[name], axis)) for name in _PARTS]
         place = np.arange(len(_PARTS))
         for offset, colour, label, values in (
-                (-0.2, _COLOURS[0], "RMS", [np.sqrt(np.mean(size**2)) for size in sizes]),
+                (-0.2, _COLOURS[0], "RMS", [rms(size) for size in sizes]),
                 (0.2, _COLOURS[1], "largest", [size.max() for size in sizes])):
             bars = axes.barh(-place - offset, values, 0.38, color=colour, label=label)
             axes.bar_label(bars, [f"{value:.2g}" for value in values], padding=3, fontsize="x-small")
@@ -185,7 +189,7 @@ def exposure_picture(path, *, title, time_s, exposure_us, peaks, flags):
     exposure.yaxis.set_minor_formatter(NullFormatter())
     exposure.set_ylabel("exposure (µs)")
     exposure.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False, fontsize="small")
-    peak.axhspan(2000, 3200, color=_GRID, zorder=0)
+    peak.axhspan(LOW, TOO_HIGH, color=_GRID, zorder=0)
     peak.set_ylabel("peak above black (counts)")
     for row, flag in enumerate(flags.values()):
         status.plot(time_s[flag], np.full(flag.sum(), row), "|", color=_CIRCUIT, markersize=8)

@@ -24,8 +24,8 @@ from .errors import (
     match_reference,
     multiply,
     quaternion_from_matrix,
-    rms,
     rotation_angle,
+    spread,
 )
 from .picture import attitude_picture, outputs_picture
 from .recordings import Recording
@@ -159,15 +159,6 @@ def _status_counts(engine, result):
     return {name: int((status >> bit & 1).sum()) for bit, name in enumerate(engine.status_names)}
 
 
-def _spread(errors):
-    """Largest and RMS of the finite errors, as JSON values, None if none is finite; and the number of the others."""
-    finite = errors[np.isfinite(errors)]
-    spread: dict = {"max": float(finite.max()), "rms": rms(finite)} if finite.size else {"max": None, "rms": None}
-    if finite.size < errors.size:
-        spread["not_finite"] = int(errors.size - finite.size)
-    return spread
-
-
 def _attitude(recording, config, outputs, truth, directory, title, summary):
     """Attitude of a core, its float64 reference, and the reference of the recording: CSV and picture."""
     quaternion = quaternion_from_matrix(outputs["c"])
@@ -177,7 +168,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
     summary |= {
         "frame": config.frame,
         "quaternion": "sensor to earth, scalar first",
-        "against_float64_reference_deg": _spread(difference),
+        "against_float64_reference_deg": spread(difference),
     }
     device = np.full_like(angles, np.nan)
     if recording.reference is not None:
@@ -188,7 +179,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
             "reference": recording.reference.meaning,
             "samples": len(match.sample),
             "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
-            **{f"{name}_rms": _spread(getattr(errors, name))["rms"] for name in errors._fields},
+            **{f"{name}_rms": spread(getattr(errors, name))["rms"] for name in errors._fields},
             "total_median": float(np.median(errors.total)) if len(match.sample) else None}
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
@@ -210,7 +201,7 @@ def _outputs(recording, system, result, truth, directory, title, summary):
     differences = {port: np.abs(angle_difference(result[port], truth[port]) if turns[port]
                                 else result[port] - truth[port]) for port in system.output_ports}
     summary["against_float64_kernel"] = {
-        port: _spread(difference) for port, difference in differences.items()}
+        port: spread(difference) for port, difference in differences.items()}
     _write_csv(directory / "outputs.csv", recording.time_s,
                {port.removeprefix("out_"): (result[port], 9) for port in system.output_ports})
     outputs_picture(

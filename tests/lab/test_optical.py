@@ -1,4 +1,4 @@
-"""The figures of the optical sensor's accuracy: they are those of this commit, and keep what was promised."""
+"""The figures of the optical sensor's accuracy: they are those of this commit, and keep their limits."""
 
 import json
 import re

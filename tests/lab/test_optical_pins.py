@@ -1,4 +1,4 @@
-"""The figures of the runs from the pins of the optical sensor: what was promised, and a short run of the script."""
+"""The figures of the runs from the pins of the optical sensor: their limits, and a short run of the script."""
 
 import json
 
@@ -11,7 +11,7 @@ from strapdown_lab.studies.optical_pins import RUNS, Run, run_from_pins
 FILE = ROOT / "docs" / "report" / "optical_pins.json"
 
 
-def test_runs_keep_what_was_promised():
+def test_runs_keep_the_limits():
     rows = json.loads(FILE.read_text(encoding="utf-8"))["runs"]
     assert [(row["config"], row["lines"], row["icarus_lines"]) for row in rows] == [
         (run.name, run.lines, run.icarus) for run in RUNS]

@@ -7,7 +7,7 @@ import pytest
 
 from strapdown.blocks import SENSORS
 from strapdown.cores import CONFIGS
-from strapdown.link import FrameDecoder, frame_size
+from strapdown.link import frame_size
 from strapdown_sim.drivers.optical import Inertial, PinBench
 from strapdown_sim.instrument.calibration import Calibration
 from strapdown_sim.instrument.flights import FLIGHTS
@@ -63,8 +63,7 @@ def test_flight_from_the_pins(bench, name, lines, position_px):
     # All bits are those of the twin, at the ports and in the frames.
     twin, spots = bench.twin(run)
     assert bench.differing_bits(run, twin) == 0
-    decoder = FrameDecoder(every=config.send_every)
-    frames = [*decoder.feed(run.pins.bytes), *decoder.finish()]
+    decoder, frames = run.frames()
     # The run ends within the last frame.
     assert (decoder.lost, decoder.crc_errors) == (0, 0)
     assert decoder.skipped_bytes < frame_size(36)
@@ -244,8 +243,7 @@ def test_reset_in_a_line(bench):
     assert run.status.tolist() == [3, *[0] * (before - 1), 3, *[0] * (after - 1)]
     # The same light gives the same angles again, from a vertical rotor on.
     assert run.angles["out_roll"][before + 1] == run.angles["out_roll_measured"][before + 1]
-    decoder = FrameDecoder(every=bench.config.send_every)
-    frames = [*decoder.feed(run.pins.bytes), *decoder.finish()]
+    decoder, frames = run.frames()
     assert decoder.restarts == 1
     assert len(frames) >= before + after - 2
 

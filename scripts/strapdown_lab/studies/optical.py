@@ -22,6 +22,7 @@ from strapdown.cores import OPTICAL_ERECTED, OPTICAL_TCD1304, OpticalConfig, opt
 from strapdown_lab.checkout import ROOT, write_blocks
 from strapdown_lab.markdown import markdown_table
 from strapdown_lab.studies.equations import equations_digest
+from strapdown_sim.errors import largest, rms
 from strapdown_sim.instrument.calibration import Calibration
 from strapdown_sim.instrument.flights import FLIGHTS, Flight
 from strapdown_sim.instrument.gyro import Gyro
@@ -152,7 +153,7 @@ def twin_errors(cases: Sequence[Case], count: int | None = None) -> list[dict[st
                     if name in cases[index].compensations:
                         truth = told(cases[index], name)
                         apart = found[output] - np.degrees([truth.roll, truth.pitch]).T[:len(found[output])]
-                        rows[index][name] = list(map(_largest, apart.T))
+                        rows[index][name] = list(map(largest, apart.T))
     return rows
 
 
@@ -171,7 +172,7 @@ def flight_errors(case: Case) -> dict[str, dict[str, list[float]]]:
     rows = {}
     for compensation in case.compensations:
         errors = differences(case, told(case, compensation))
-        rows[compensation] = {"largest": list(map(_largest, errors)), "rms": list(map(_rms, errors))}
+        rows[compensation] = {"largest": list(map(largest, errors)), "rms": list(map(rms, errors))}
     return rows
 
 
@@ -222,12 +223,8 @@ def positions(dies: int, lines: int) -> dict[str, Any]:
     rows = {}
     for title, options in SPOTS.items():
         errors, lost = zip(*(position_error(die, lines, **options) for die in range(dies)), strict=True)
-        rows[title] = {"rms_px": _rms(np.concatenate(errors)), "first_die_px": _rms(errors[0]), "lost": sum(lost)}
+        rows[title] = {"rms_px": rms(np.concatenate(errors)), "first_die_px": rms(errors[0]), "lost": sum(lost)}
     return {"dies": dies, "lines": lines, "rows": rows}
-
-
-def _rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def geometry() -> dict[str, float]:
@@ -243,13 +240,9 @@ def geometry() -> dict[str, float]:
     for name, columns in ("glass_deg", [offset]), ("glass_with_c3_deg", [offset, offset**3]):
         scale, *cubic = np.linalg.lstsq(np.stack(columns, axis=-1), np.tan(angle))[0]
         fitted = replace(words, scale_r=scale, tilt_r=0.0, c3_r=cubic[0] / scale**3 if cubic else 0.0)
-        left[name] = _largest(np.degrees(angles_of_pixels(offset + glass.n0, 0.0, fitted)[0] - angle))
-    return {"rays_deg": _largest(np.degrees([roll_back - roll, pitch_back - pitch])),
-            "inverse_px": _largest(np.subtract(pixels_of_angles(roll_back, pitch_back, words), position)), **left}
-
-
-def _largest(values):
-    return float(np.abs(values).max())
+        left[name] = largest(np.degrees(angles_of_pixels(offset + glass.n0, 0.0, fitted)[0] - angle))
+    return {"rays_deg": largest(np.degrees([roll_back - roll, pitch_back - pitch])),
+            "inverse_px": largest(np.subtract(pixels_of_angles(roll_back, pitch_back, words), position)), **left}
 
 
 def measured(dies: int = 10, lines: int = 200) -> dict[str, Any]:

@@ -13,10 +13,10 @@ import numpy as np
 
 from strapdown.blocks import SENSORS
 from strapdown.cores import CONFIGS, OpticalConfig
-from strapdown.link import FrameDecoder
 from strapdown_lab.checkout import ROOT, write_blocks
 from strapdown_lab.markdown import markdown_table
 from strapdown_sim.drivers.optical import PinBench
+from strapdown_sim.errors import largest, rms
 from strapdown_sim.instrument.flights import FLIGHTS
 from strapdown_sim.instrument.pins import ADCS
 from strapdown_sim.instrument.pins import SENSORS as MODELS
@@ -46,7 +46,7 @@ RUNS = (Run("optical_s11639", 10_000, 10), Run("optical_tcd1304", 300, 1),
         Run("optical_erected", 20), Run("optical_s11639", 200, 0, (("mode", "buffered"),)),
         Run("optical_s11639", 200, 0, (("compensation", "patent"),)),
         Run("optical_s11639", 500, 0, (("sensor", "tsl1402"), ("send_every", 3))))
-"""The runs of the table; the first two are those for which errors are promised."""
+"""The runs of the table; the first two are those for which errors have limits."""
 
 
 def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
@@ -61,8 +61,7 @@ def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
                       inertial=inertial_samples(scene, bench, run.lines))
     twin, spots = bench.twin(found)
     _, parts, _ = errors_of(source, found, spots)
-    decoder = FrameDecoder(every=config.send_every)
-    frames = [*decoder.feed(found.pins.bytes), *decoder.finish()]
+    decoder, frames = found.frames()
     middles = [np.array([pair[ccd].middle_s for pair in found.seen]) for ccd in range(2)]
     true = scene.at(middles[0]).roll_px, scene.at(middles[1]).pitch_px
     position = np.concatenate([(own.position / 4096 - px)[own.good] for own, px in zip(spots, true, strict=True)])
@@ -73,8 +72,8 @@ def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
         "differing_bits": bench.differing_bits(found, twin), "timing_violations": len(found.pins.violations),
         "frames": len(frames), "frames_lost": decoder.lost, "frames_differing": bench.frames_differing(frames, twin),
         "line_periods": sorted({int(period) for period in np.diff(found.cycle)}),
-        "position_rms_px": _rms(position),
-        "errors_deg": {name: {"largest": float(np.abs(part).max()), "rms": _rms(np.array(part))}
+        "position_rms_px": rms(position),
+        "errors_deg": {name: {"largest": largest(part), "rms": rms(part)}
                        for name, part in parts.items()}}
 
 
@@ -86,10 +85,6 @@ def _icarus_differences(bench, scene, source, lines):
         events = bench.driver.events_in_icarus(bench.actions(source.calibration.ports(), inertial), found.pins,
                                                Path(folder), cycles=bench.cycles(lines))
     return sum(int((values != found.pins.events[name]).sum()) for name, values in events.items())
-
-
-def _rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def measured(build: Path) -> dict[str, Any]:

@@ -3,15 +3,16 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from strapdown.blocks import SENSORS, SpotFinder, Thresholds
+from strapdown.blocks import SENSORS
 from strapdown.cores import OpticalConfig, make_module
-from strapdown.cores.optical_modules import capture
+from strapdown.cores.optical_modules import capture, finder, thresholds
 from strapdown.cores.optical_update import STATUS, counted, placed
 from strapdown.export import verilog_text
-from strapdown.link import OPTICAL_ATTITUDE, Frame
+from strapdown.link import OPTICAL_ATTITUDE, Frame, FrameDecoder
 
 from .pins import Line, PinDriver, PinRun
 
@@ -103,7 +104,7 @@ class OpticalRun:
         """Numbers of the lines, shape (N,)."""
         return self.pins.events["out_line"].astype(int)
 
-    @property
+    @cached_property
     def sums(self):
         """Sums of the inertial samples of each update, one added after the other, by input port: float32, shape (N,);
         and their number. A sample counts for the line whose last pixel comes after it.
@@ -115,18 +116,22 @@ class OpticalRun:
             np.add.at(total, place[used], self.inertial.ports[port][used].astype(np.float32))
         return sums, np.bincount(place[used], minlength=len(self.cycle))
 
-    @property
+    @cached_property
     def light(self):
         """Pixels that the ADCs have sampled, light positive, shape (2, N, pixels)."""
-        words = self.pins.words
-        return 4095 - words if SENSORS[self.config.sensor].invert else words
+        return capture(self.config, self.config.timing()).compute(self.pins.words)
 
-    @property
+    @cached_property
     def seen(self):
         """The Line of each update: a list of N pairs of roll and pitch; None where a sensor had none."""
         return [tuple(lines[number] if number >= 0 else None
                       for lines, number in zip(self.pins.lines, numbers, strict=True))
                 for numbers in self.pins.line_of_event.T.tolist()]
+
+    def frames(self):
+        """The FrameDecoder that has read the serial line, and the list of its frames."""
+        decoder = FrameDecoder(every=self.config.send_every)
+        return decoder, [*decoder.feed(self.pins.bytes), *decoder.finish()]
 
 
 @dataclass(frozen=True)
@@ -227,9 +232,7 @@ class PinBench:
 
     def spots(self, light: np.ndarray) -> Spots:
         """The spots of consecutive lines of one sensor from reset on, by the twin; shape (N, pixels)."""
-        config = self.config
-        finder = SpotFinder(SENSORS[config.sensor].pixels, gap=config.gap, width_max=config.width_max)
-        results = Thresholds(lo_min=config.lo_min, shift=config.shift).track(finder, light)
+        results = thresholds(self.config).track(finder(self.config), light)
         good = (results["found"] & results["known"]).astype(bool)
         last = np.maximum.accumulate(np.where(good, np.arange(len(good)), -1))
         return Spots(results, good, np.where(last >= 0, results["position"][last], -1))

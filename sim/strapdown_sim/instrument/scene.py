@@ -12,7 +12,7 @@ from .errors import InstrumentError
 from .flights import Flight, body_from_level
 from .gyro import Gyro
 from .image import LineCamera
-from .rays import Instrument, LineSeat, measured_angles
+from .rays import Instrument, LineSeat
 
 __all__ = ["CAMERA_FIELDS", "Scene", "Truth", "camera_options"]
 
@@ -30,17 +30,12 @@ CAMERA_FIELDS = {field.name: field.type for field in fields(LineCamera)
 
 
 class Truth(NamedTuple):
-    """The state at some times, shape (N,): positions of both lines, pixels; angles, rad.
-
-    ``measured_roll`` and ``measured_pitch`` are those of the body against the rotor.
-    """
+    """The state at some times, shape (N,): positions of both lines, pixels; angles, rad."""
 
     roll_px: np.ndarray
     pitch_px: np.ndarray
     roll: np.ndarray
     pitch: np.ndarray
-    measured_roll: np.ndarray
-    measured_pitch: np.ndarray
 
 
 def camera_options(words: Iterable[str]) -> dict[str, Any]:
@@ -82,12 +77,11 @@ class Scene:
         Options of LineCamera.
     seed : int
         Of the noise.
-    gyro : Gyro
     """
 
     def __init__(self, flight: Flight, *, pixels: int, pitch_um: float, duration_s: float, exposure_s: float,
-                 camera: dict | None = None, seed: int = 0, gyro: Gyro | None = None) -> None:
-        self.flight, self.gyro, self._duration_s = flight, gyro or Gyro(), duration_s
+                 camera: dict | None = None, seed: int = 0) -> None:
+        self.flight, self.gyro, self._duration_s = flight, Gyro(), duration_s
         seat = LineSeat(pitch_mm=pitch_um / 1000, n0=(pixels - 1) / 2)
         self._instrument = Instrument(seat, replace(seat))
         options: dict[str, Any] = {"sigma_px": SPOT_UM / pitch_um, "prnu": PRNU} | (camera or {})
@@ -111,7 +105,7 @@ class Scene:
         """The truth at some times, shape (N,). Raises: InstrumentError without scipy."""
         motion = self.flight.at(time_s)
         body = body_from_level(self._axis(time_s), motion.roll, motion.pitch)
-        return Truth(*self._instrument.pixels(body), motion.roll, motion.pitch, *measured_angles(body))
+        return Truth(*self._instrument.pixels(body), motion.roll, motion.pitch)
 
     def image(self, line: Any) -> np.ndarray:
         """Pixels of a line: an object with ``ccd``, ``middle_s`` and ``exposure_s``."""

@@ -7,13 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..instrument.image import FULL_SCALE
 from .recording import RecordingError
 
-__all__ = ["FULL_SCALE", "read_lines"]
-
-FULL_SCALE = 4095
-"""Largest count; white in a picture."""
-
+__all__ = ["read_lines"]
 
 def read_lines(path: str | os.PathLike, pixels: int) -> np.ndarray:
     """Lines of the roll and of the pitch sensor, counts of 12 bits, light positive: shape (2, N, pixels) of uint16.
