@@ -4,6 +4,7 @@ import re
 import unicodedata
 from collections.abc import Callable
 from dataclasses import replace
+from enum import Enum
 from typing import Annotated, Any, NamedTuple
 
 import pydantic
@@ -155,6 +156,17 @@ class Config(BaseModel):
         memories = {name: value for name in ("operand_memory", "side_memory", "microcode")
                     if (value := getattr(self, name)) is not None}
         return replace(self.pool, **memories).settled(self.channels)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """All fields and the settings of the engine as plain JSON values; channels and interval only if it has several
+        channels."""
+        hidden = {"pool"} if self.channels > 1 else {"pool", "channels", "interval"}
+        return {
+            **{field: getattr(self, field) for field in type(self).model_fields if field not in hidden},
+            **{name: value.value if isinstance(value, Enum) else value
+               for name, value in self.engine_pool.parameters.items()},
+            "format": self.pool.format.name, "subnormals": self.pool.format.subnormals.value}
 
     @property
     def warnings(self) -> tuple[str, ...]:

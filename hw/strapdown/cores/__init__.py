@@ -9,5 +9,6 @@ from .optical import *
 from .optical_update import *
 from .port_names import *
 from .quaternion import *
+from .registers import *
 from .sins import *
 from .top import *

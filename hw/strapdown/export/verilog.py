@@ -4,7 +4,6 @@ import inspect
 import json
 import re
 import unicodedata
-from enum import Enum
 from functools import partial
 from importlib.metadata import metadata, version
 from textwrap import dedent, wrap
@@ -89,7 +88,7 @@ def description(top, config, command):
     return {
         "module": component.name,
         "description": component.title,
-        **({"configuration": _configuration(config)} if config else {}),
+        **({"configuration": config.values} if config else {}),
         "latency_cycles": top.latency,
         "ports": [{"name": port.name, "direction": port.direction, "width": port.width, "meaning": port.meaning}
                   for port in top.ports],
@@ -122,7 +121,7 @@ def _header(top, config, command):
         for kernel in component.equations:
             lines += _equation(kernel)
     if config:
-        lines += ["", "CONFIGURATION", *_table(sorted(_configuration(config).items()))]
+        lines += ["", "CONFIGURATION", *_table(sorted(config.values.items()))]
     lines += ["", "PORTS",
               *_table((port.name, f"{port.direction} {port.width}", port.meaning) for port in top.ports)]
     if top.constants:
@@ -191,13 +190,3 @@ def _table(rows):
     rows = [tuple(str(cell) for cell in row) for row in rows]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
-
-
-def _configuration(config):
-    """A configuration as plain JSON values; channels and interval only if it has several channels."""
-    hidden = {"pool"} if config.channels > 1 else {"pool", "channels", "interval"}
-    return {
-        **{field: getattr(config, field) for field in type(config).model_fields if field not in hidden},
-        **{name: value.value if isinstance(value, Enum) else value
-           for name, value in config.engine_pool.parameters.items()},
-        "format": config.pool.format.name, "subnormals": config.pool.format.subnormals.value}
