@@ -35,10 +35,10 @@ from strapdown.cores import (
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.design import METHODS
 from strapdown.link import OPTICAL_ATTITUDE
+from strapdown.markdown import markdown_table
 
 from .checkout import ROOT, write_blocks
 from .faults.tables import cores_table, places_tables
-from .markdown import markdown_table
 from .report.families import family_lines, family_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.sensors import sensor_blocks

@@ -7,8 +7,7 @@ from operator import attrgetter
 import numpy as np
 
 from strapdown.fp import BINARY16, BINARY32, FixedToFp, Flags, FpToFixed, FpToFp, Subnormals
-
-from .markdown import markdown_table
+from strapdown.markdown import markdown_table
 
 __all__ = ["FLAG_NAMES", "arctangent_tables", "binary_tables", "choice_table", "compare_tables",
            "fixed_arctangent_table", "from_fixed_table", "legend", "number_text", "relation_table", "resize_tables",

@@ -1,7 +1,7 @@
 """The tables of docs/faults.md, from the figures of campaigns."""
 
 from strapdown.cores import CONFIGS
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 from strapdown_sim.drivers.faults import Outcome
 
 __all__ = ["cores_table", "places_tables", "total"]

@@ -18,7 +18,7 @@ from amaranth.lib.wiring import In, Out
 from strapdown.cli.progress import progress_bars
 from strapdown.export.backend import to_verilog
 from strapdown.files import written_whole
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 from strapdown_lab.operators import OPERATORS
 from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import digest

@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 
 from .catalogue import properties
 from .solver import prove

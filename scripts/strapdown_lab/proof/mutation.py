@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 
 from .mutants import MUTANTS, Mutant
 

@@ -14,7 +14,7 @@ from amaranth.lib.wiring import In, Out
 from strapdown.blocks import PIXEL_WIDTH, SENSORS, SpotFinder
 from strapdown.cli.progress import progress_bars
 from strapdown.export.backend import to_verilog
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import digest
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel

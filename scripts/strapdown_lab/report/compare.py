@@ -13,8 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT
-from strapdown_lab.markdown import markdown_table
 from strapdown_lab.synthesis import place_ecp5, synthesise_xc7
 from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache

@@ -8,7 +8,7 @@ from strapdown.config import Config
 from strapdown.cores import CONFIGS, main_module, make_module
 from strapdown.export.verilog import versions
 from strapdown.kernel.pool import MemoryStyle
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 from strapdown_lab.synthesis import RESOURCES, Family, synthesise, tool_versions
 from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest

@@ -9,8 +9,8 @@ from amaranth.hdl import Shape
 from amaranth.lib.wiring import In, Out
 
 from strapdown.fp import BINARY16, BINARY32, BINARY64, FLAGS, FloatFormat
+from strapdown.markdown import markdown_table
 from strapdown_lab import special_values as special
-from strapdown_lab.markdown import markdown_table
 from strapdown_lab.operators import OPERATORS
 
 from .diagram import diagram, iterative_timing, pipelined_timing

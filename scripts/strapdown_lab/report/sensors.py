@@ -2,7 +2,7 @@
 
 from strapdown.blocks import SENSORS, LineTiming
 from strapdown.blocks.wavedrom import wave_of_line
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 
 __all__ = ["CLOCK_HZ", "sensor_blocks"]
 

@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 
 from .anchors import CORE_ANCHORS, best_known
 

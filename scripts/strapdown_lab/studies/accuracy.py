@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MAHONY, THESIS
-from strapdown_lab.markdown import markdown_table
+from strapdown.markdown import markdown_table
 from strapdown_sim.errors import (
     AttitudeErrors,
     attitude_errors,

@@ -11,8 +11,8 @@ from strapdown.cores import SINS, SINS_DAMPED, sins_top
 from strapdown.kernel.native import NativeTwin
 from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
 from strapdown.kernel.pool import Pool
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
-from strapdown_lab.markdown import markdown_table
 from strapdown_lab.studies.equations import equations_digest
 from strapdown_sim.errors import quaternion_from_matrix
 from strapdown_sim.reference.sins import Navigator, platform_from_geodetic

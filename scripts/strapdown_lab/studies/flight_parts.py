@@ -15,8 +15,8 @@ from strapdown.cores import FLIGHT, FLIGHT_6AXIS, ins_flight
 from strapdown.kernel.native import NativeTwin
 from strapdown.kernel.operators import Adder, Divider, Multiplier, Selector
 from strapdown.kernel.pool import Pool
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
-from strapdown_lab.markdown import markdown_table
 from strapdown_lab.studies.equations import equations_digest
 from strapdown_sim.errors import attitude_errors, match_reference, rms
 from strapdown_sim.recordings import read_recording

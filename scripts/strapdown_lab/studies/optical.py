@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from strapdown.blocks import SpotFinder, Thresholds
 from strapdown.blocks.sensors import SENSORS
 from strapdown.cores import OPTICAL_ERECTED, OPTICAL_TCD1304, OpticalConfig, opt_attitude
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
-from strapdown_lab.markdown import markdown_table
 from strapdown_lab.studies.equations import equations_digest
 from strapdown_sim.errors import largest, rms
 from strapdown_sim.instrument.calibration import Calibration

@@ -13,8 +13,8 @@ import numpy as np
 
 from strapdown.blocks import SENSORS
 from strapdown.cores import CONFIGS, OpticalConfig
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
-from strapdown_lab.markdown import markdown_table
 from strapdown_sim.drivers.optical import PinBench
 from strapdown_sim.errors import largest, rms
 from strapdown_sim.instrument.flights import FLIGHTS

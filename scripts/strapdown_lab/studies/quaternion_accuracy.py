@@ -14,8 +14,8 @@ from strapdown.cores import QUATERNION_J2, quat_direct
 from strapdown.fp import BINARY32, BINARY64, Subnormals
 from strapdown.kernel.native import NativeTwin
 from strapdown.kernel.pool import Pool
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
-from strapdown_lab.markdown import markdown_table
 from strapdown_sim.reference import quaternion as exact
 
 UPDATES = 1_000_000

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
-from strapdown_lab.markdown import markdown_table
 from strapdown_lab.studies.inertial import car_leg, quadrotor_legs, run_reference, run_twin, track_errors
 
 SECONDS = (1, 2, 5, 10, 30)
