@@ -14,7 +14,7 @@ SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog test sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog ip test sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -40,6 +40,9 @@ demo: setup ## Replay a real recording through generated Verilog; results under 
 
 verilog: setup ## Generate all modules of CONFIG into build/verilog/CONFIG.
 	$(BIN)/strapdown generate --config $(CONFIG)
+
+ip: setup ## Write the core of CONFIG behind AXI4-Lite and AXI4-Stream as a package for Vivado, ISE and FuseSoC into build/ip/CONFIG.
+	$(BIN)/strapdown ip $(CONFIG)
 
 test: setup icarus ## Run all tests, except the benches that only `make sim` runs.
 	@$(BIN)/python scripts/fetch_recording.py build/recordings

@@ -328,7 +328,7 @@ def recipe(words, place):
             raise AssertionError(f"no rule for {other}")
 
 
-OWN = {"demo", "verilog", "report", "families", "compare", "formal", "exhaustive", "spots", "mutants", "faults",
+OWN = {"demo", "verilog", "ip", "report", "families", "compare", "formal", "exhaustive", "spots", "mutants", "faults",
        "accuracy", "docs"}
 """Targets whose recipes call commands of the project; others call tools, which `make -n` shows."""
 
@@ -341,7 +341,7 @@ RULES = {
     r"strapdown report .*": report,
     r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*)": with_names,
-    r"strapdown (?:generate|replay|explain|schedule|design|link|operators) .*": strapdown,
+    r"strapdown (?:generate|replay|explain|schedule|design|link|operators|ip) .*": strapdown,
     r"strapdown calibrate .*": calibration,
     r"strapdown optical(?: .*)?": optical,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),

@@ -59,3 +59,14 @@ def test_files_take_their_places_together_or_not_at_all(tmp_path):
     write("second")
     assert {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()} == {
         "a": "second", "b": "second", "other": "of the user"}
+
+
+def test_files_in_folders_take_their_places(tmp_path):
+    for text in "first", "second":
+        with written_together(tmp_path / "package") as partial:
+            (partial / "inner" / "deep").mkdir(parents=True)
+            (partial / "inner" / "deep" / "file").write_text(text, encoding="utf-8")
+        (tmp_path / "package" / "inner" / "other").write_text("of the user", encoding="utf-8")
+    assert {str(path.relative_to(tmp_path)): path.read_text(encoding="utf-8")
+            for path in tmp_path.rglob("*") if path.is_file()} == {
+        "package/inner/deep/file": "second", "package/inner/other": "of the user"}

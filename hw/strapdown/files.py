@@ -27,7 +27,8 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def written_together(directory: Path) -> Iterator[Path]:
-    """Context manager: gives an empty folder, whose files are moved into ``directory`` at the end.
+    """Context manager: gives an empty folder, whose files, those in its folders too, are moved into ``directory`` at
+    the end.
 
     After an exception inside, ``directory`` is unchanged: no file is replaced, and a folder that did not exist is not
     made. Files of ``directory`` with other names are kept.
@@ -40,8 +41,10 @@ def written_together(directory: Path) -> Iterator[Path]:
         try:
             partial.mkdir()
             yield partial
-            for file in sorted(partial.iterdir()):
-                file.replace(directory / file.name)
+            for file in sorted(path for path in partial.rglob("*") if path.is_file()):
+                place = directory / file.relative_to(partial)
+                place.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(place)
         finally:
             _remove(partial)
     except BaseException:

@@ -2,12 +2,11 @@
 
 import inspect
 import json
-import re
-import unicodedata
 from functools import partial
 from importlib.metadata import metadata, version
 from textwrap import dedent, wrap
 
+from strapdown.ascii import ascii_text
 from strapdown.files import written_together
 
 from .backend import to_verilog
@@ -16,10 +15,6 @@ from .explain import operations_of_cycles, program_listing
 from .lint import waivers
 
 __all__ = ["description", "verilog_text", "versions", "write", "write_core"]
-
-ASCII = str.maketrans({"×": "x", "·": "*", "ᵀ": "^T", "−": "-", "√": "sqrt",
-                       "⊗": " (x) ", "π": "pi", "µ": "u", "°": " deg"})
-"""Replacements for common characters outside ASCII. Old tools read Verilog, comments included, as ASCII."""
 
 LINE_LENGTH = 104
 """Longest line of a paragraph in a header."""
@@ -140,7 +135,7 @@ def _header(top, config, command):
 
 def _comment(lines):
     """Lines as Verilog comments, in printable ASCII; a line break inside a line starts another comment."""
-    parts = (_ascii(part) for line in lines for part in line.splitlines() or [""])
+    parts = (ascii_text(part) for line in lines for part in line.splitlines() or [""])
     return "".join(f"// {short}".rstrip() + "\n" for part in parts for short in _short(part))
 
 
@@ -148,22 +143,6 @@ def _short(line):
     """A line, or several if it is long."""
     indent = len(line) - len(line.lstrip()) + 4
     return wrap(line, LONGEST_LINE, subsequent_indent=" " * indent) or [""]
-
-
-def _ascii(text):
-    """Text in printable ASCII: letters without accents, Greek letters by name, escapes for all other characters."""
-    text = re.sub("[⁰¹²³⁴-⁹]+", lambda found: "^" + unicodedata.normalize("NFKD", found[0]), text)
-    plain = "".join(char for char in unicodedata.normalize("NFKD", text.translate(ASCII))
-                    if not unicodedata.combining(char))
-    plain = re.sub("([Α-Ωα-ω])(?=([^\\W_])?)", _greek, plain)
-    return "".join(char if char.isascii() and char.isprintable() else char.encode("unicode_escape").decode("ascii")
-                   for char in plain)
-
-
-def _greek(found):
-    """The name of a Greek letter, set off from a letter or digit that follows: gamma, Phi, gamma_s."""
-    _, case, _, name = unicodedata.name(found[1]).split()[:4]
-    return (name.capitalize() if case == "CAPITAL" else name.lower()) + ("_" if found[2] else "")
 
 
 def _equation(kernel):

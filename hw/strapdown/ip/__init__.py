@@ -1,0 +1,3 @@
+"""A core behind a bus as a package for design tools: registers, descriptions, scripts, bench."""
+
+from .package import *
