@@ -4,4 +4,8 @@ Of the package it imports only ``component``. The core in its bus, and the table
 ``strapdown.cores``.
 """
 
+from .buffers import *
 from .registers import *
+from .slave import *
+from .starts import *
+from .streams import *

@@ -1,6 +1,7 @@
 """Filters with their configurations, and the modules with their published ports."""
 
 from .attitude import *
+from .axi import *
 from .catalogue import *
 from .core import *
 from .flight import *

@@ -7,7 +7,7 @@ from itertools import count
 from amaranth.lib.wiring import In
 from amaranth.utils import exact_log2
 
-from strapdown.bus import MAP_VERSION, REGISTER_BITS, Access, Field, Register, RegisterTable, Word
+from strapdown.bus import CYCLES_BITS, MAP_VERSION, REGISTER_BITS, Access, Field, Register, RegisterTable, Word
 from strapdown.config import Config
 from strapdown.kernel.system import leaves
 
@@ -30,9 +30,14 @@ INTERRUPTS = {
 }
 """Fields of the interrupt registers, lowest bit first, and their meanings."""
 
+STREAM_FIELDS = ("stream", "streaming", "bad_frame")
+"""Fields that only a table of a core with streams has."""
 
-def register_table(core: Core, config: Config) -> RegisterTable:
-    """The register table of a core of a configuration.
+CYCLES = "cycles of aclk that the last update took"
+
+
+def register_table(core: Core, config: Config, *, streams: bool = True) -> RegisterTable:
+    """The register table of a core of a configuration, with or without streams.
 
     Inputs that the configuration's field ``inputs`` names are parameters; all others belong to each sample. A port of
     more than 32 bits takes two registers, the low half first.
@@ -53,7 +58,7 @@ def register_table(core: Core, config: Config) -> RegisterTable:
     samples = [name for name in system.input_ports if name not in parameters]
     return RegisterTable(
         name=f"{system.name}_axi", title=system.title, configuration=config.name,
-        common=_common(core, _crc(core, config)),
+        common=_common(core, _crc(core, config), streams),
         samples=words(samples, In, Access.WRITE),
         parameters=words([name for name in system.input_ports if name in parameters], In, Access.WRITE),
         outputs=words(system.output_ports, None, Access.READ))
@@ -86,13 +91,14 @@ def _crc(core, config):
     return zlib.crc32(json.dumps([core.system.name, config.values, ports], default=str).encode())
 
 
-def _flags(access):
-    """The fields of an interrupt register."""
-    return tuple(Field(name, bit, 1, access, meaning) for bit, (name, meaning) in enumerate(INTERRUPTS.items()))
+def _common(core, crc, streams):
+    """The registers before the first input; those of ``STREAM_FIELDS`` only if there are streams."""
+    def fields(*fields):
+        return tuple(field for field in fields if streams or field.name not in STREAM_FIELDS)
 
+    def flags(access):
+        return fields(*(Field(name, bit, 1, access, meaning) for bit, (name, meaning) in enumerate(INTERRUPTS.items())))
 
-def _common(core, crc):
-    """The registers before the first input."""
     def whole(address, name, access, meaning, reset=0):
         return Register(name, address, (Field("value", 0, REGISTER_BITS, access, meaning, reset),), meaning)
 
@@ -107,20 +113,21 @@ def _common(core, crc):
         whole(0x004, "VERSION", Access.CONSTANT, "version of this layout, in 16.16 bits", MAP_VERSION),
         whole(0x008, "CONFIGURATION", Access.CONSTANT, "CRC-32 of the configuration and the ports", crc),
         whole(0x00C, "SCRATCH", Access.WRITE, "keeps what was written, for tests of the bus"),
-        Register("CONTROL", CONTROL, (
+        Register("CONTROL", CONTROL, fields(
             Field("start", 0, 1, Access.PULSE, "starts an update with the inputs of the table"),
             Field("snapshot", 1, 1, Access.PULSE, "copies the outputs of the last update to the table"),
             Field("stream", 2, 1, Access.WRITE, "samples come from the stream, and not from start"),
-            Field("core_reset", 3, 1, Access.PULSE, "resets the core and the streams, but not the table"),
+            Field("core_reset", 3, 1, Access.PULSE,
+                  "resets the core and the streams, but not the table; a start in the same write is an overrun"),
         ), "commands"),
-        Register("STATUS", 0x014, (
+        Register("STATUS", 0x014, fields(
             Field("busy", 0, 1, Access.READ, "an update runs; a start would be ignored"),
             Field("streaming", 1, 1, Access.READ, "a sample has begun to come in, or an answer is not out yet"),
         ), "what the core does now"),
-        Register("INTERRUPT_ENABLE", 0x018, _flags(Access.WRITE), "which flags raise irq"),
-        Register("INTERRUPT_FLAGS", INTERRUPT_FLAGS, _flags(Access.CLEAR), "what has happened"),
+        Register("INTERRUPT_ENABLE", 0x018, flags(Access.WRITE), "which flags raise irq"),
+        Register("INTERRUPT_FLAGS", INTERRUPT_FLAGS, flags(Access.CLEAR), "what has happened"),
         whole(0x020, "UPDATES", Access.READ, "updates that have finished since the reset of the core, modulo 2^32"),
-        whole(0x024, "CYCLES", Access.READ, "cycles of aclk that the last update took"),
+        Register("CYCLES", 0x024, (Field("value", 0, CYCLES_BITS, Access.READ, CYCLES),), CYCLES),
         whole(0x028, "SAMPLE_TIME", Access.READ, "cycles of aclk since the reset, modulo 2^32"),
         *([Register("CHANNEL", 0x02C, (
             Field("value", 0, channel, Access.WRITE, "channel of the sample that start takes"),),

@@ -1,0 +1,66 @@
+"""A core behind its bus: updates by register, in Amaranth's simulator."""
+
+import numpy as np
+from amaranth.sim import Simulator
+
+from strapdown.cores import THESIS, axi_core
+
+SAMPLES = 3
+
+
+async def write(ctx, bus, address, value):
+    """A write of a whole word; returns its answer."""
+    ctx.set(bus.s_axi_awaddr, address)
+    ctx.set(bus.s_axi_wdata, value)
+    ctx.set(bus.s_axi_wstrb, 0b1111)
+    for signal in bus.s_axi_awvalid, bus.s_axi_wvalid, bus.s_axi_bready:
+        ctx.set(signal, 1)
+    await ctx.tick()
+    for signal in bus.s_axi_awvalid, bus.s_axi_wvalid:
+        ctx.set(signal, 0)
+    (answer,) = await ctx.tick().sample(bus.s_axi_bresp).until(bus.s_axi_bvalid)
+    return answer
+
+
+async def read(ctx, bus, address):
+    """A read; returns its data and its answer."""
+    ctx.set(bus.s_axi_araddr, address)
+    for signal in bus.s_axi_arvalid, bus.s_axi_rready:
+        ctx.set(signal, 1)
+    await ctx.tick()
+    ctx.set(bus.s_axi_arvalid, 0)
+    return await ctx.tick().sample(bus.s_axi_rdata, bus.s_axi_rresp).until(bus.s_axi_rvalid)
+
+
+def test_updates_by_register():
+    core = axi_core(THESIS).component
+    table, system, number = core.table, core.system, core.program.format
+    rng = np.random.default_rng(15)
+    inputs = {port: rng.normal(size=SAMPLES).astype(np.float32) for port in system.input_ports}
+    twin, _ = system.run(THESIS.engine_pool, inputs)
+
+    async def bench(ctx):
+        async def value(name):
+            data, answer = await read(ctx, core, table[name].address)
+            assert answer == 0
+            return data
+
+        async def put(name, data):
+            assert await write(ctx, core, table[name].address, data) == 0
+
+        for index in range(SAMPLES):
+            for word in table.samples:
+                await put(word.registers[0].name, int(number.to_bits(inputs[word.port][index])))
+            await put("CONTROL", table["CONTROL"]["start"].mask)
+            while await value("STATUS") & table["STATUS"]["busy"].mask:
+                pass
+            await put("CONTROL", table["CONTROL"]["snapshot"].mask)
+            for word in table.outputs:
+                assert await value(word.registers[0].name) == number.to_bits(twin[word.port][index])
+            assert await value("SNAPSHOT_UPDATE") == index + 1
+            assert await value("CYCLES") == core.latency
+
+    simulator = Simulator(core)
+    simulator.add_clock(1e-8)
+    simulator.add_testbench(bench)
+    simulator.run()
