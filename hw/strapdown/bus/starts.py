@@ -70,7 +70,7 @@ class StartControl(Described):
         pending, streamed, last = Signal(), Signal(), Signal()
         taken, idle, unanswered = Signal(), Signal(), Signal(range(self._capacity + 1))
         m.d.comb += [
-            idle.eq(in_flight.level == 0), self.sample.ready.eq(~pending),
+            idle.eq(in_flight.level == 0), self.sample.ready.eq(taken & streamed),
             self.start.eq(pending & (~streamed | (unanswered != self._capacity))), taken.eq(self.start & self.ready),
             self.waiting.eq(pending & ~streamed), self.busy.eq(pending | ~idle | self.sample.valid),
             self.in_flight.eq(~idle),
@@ -83,7 +83,7 @@ class StartControl(Described):
             self.answering.eq(unanswered != 0)]
         with m.If(taken):
             m.d.sync += pending.eq(0)
-        with m.If(self.sample.valid & self.sample.ready):
+        with m.If(self.sample.valid & ~pending):
             m.d.sync += [pending.eq(1), streamed.eq(1), last.eq(self.sample.p.last),
                          self.start_channel.eq(self.sample.p.channel)]
         with m.If(self.command):
