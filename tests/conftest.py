@@ -5,8 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from strapdown.cores import axi_core
 from strapdown.cores import make_core as make_new_core
 from strapdown.cores import make_module as make_new_module
+from strapdown.export import write
+from strapdown_sim.drivers.bus import BusInterface, BusModel
+from strapdown_sim.drivers.toolchain import SimulatorMissingError
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,6 +38,20 @@ def make_module(make_core):
 def models():
     """Folder of compiled models; a model is built again only if its Verilog changed."""
     return ROOT / "build" / "sim" / "verilated"
+
+
+@pytest.fixture(scope="session")
+def make_bus(models, tmp_path_factory):
+    """Makes a configuration's core behind its bus, and its BusModel; skips the test without a simulator."""
+    @cache
+    def make(config, **options):
+        top = axi_core(config, **options)
+        path = write(top, tmp_path_factory.mktemp("bus"), command="")
+        try:
+            return top, BusModel(path, BusInterface.of_top(top), models)
+        except SimulatorMissingError as error:
+            pytest.skip(str(error))
+    return make
 
 
 def beside_the_checkout(name):

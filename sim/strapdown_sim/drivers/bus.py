@@ -1,9 +1,8 @@
 """A core behind AXI4-Lite and AXI4-Stream in Verilator: reads, writes, waits and words of streams through a pipe."""
 
-import os
 import subprocess
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,11 +10,12 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import ArrayLike
 
+from strapdown.bus import REGISTER_BITS
 from strapdown.cores import Top
 
 from .verilated import Interface, VerilatedModel
 
-__all__ = ["ANSWER", "OKAY", "REQUEST", "SLVERR", "Bus", "BusModel"]
+__all__ = ["ANSWER", "OKAY", "REQUEST", "SLVERR", "Bus", "BusInterface", "BusModel", "answer_words", "sample_words"]
 
 OKAY, SLVERR = 0, 2
 """Responses of AXI."""
@@ -44,6 +44,13 @@ class BusInterface(Interface):
     streams: bool = False
     channels: bool = False
 
+    @classmethod
+    def of_top(cls, top: Top) -> "BusInterface":
+        """The interface of a core that ``strapdown.cores.axi_core`` makes."""
+        ports = {port.name for port in top.ports}
+        return cls(top.component.name, (), (), clock=top.control.clock.name, reset=top.control.reset.name,
+                   streams="s_axis_tdata" in ports, channels="s_axis_tid" in ports)
+
     def header(self):
         """The C++ header that describes these ports for the driver."""
         return super().header() + "#define STREAMS\n" * self.streams + "#define CHANNELS\n" * self.channels
@@ -62,7 +69,7 @@ class Bus:
         """
         pipe, size = self._process.stdout, ANSWER.itemsize * len(requests)
         assert pipe is not None
-        feeder = threading.Thread(target=self._feed, args=(requests.tobytes(),))
+        feeder = threading.Thread(target=_feed, args=(self._process.stdin, requests.tobytes()))
         feeder.start()
         answers = pipe.read(size)
         feeder.join()
@@ -70,12 +77,6 @@ class Bus:
             assert self._process.stderr is not None
             raise RuntimeError(f"the model ended: {self._process.stderr.read().decode().strip()}")
         return np.frombuffer(answers, ANSWER)
-
-    def _feed(self, data):
-        # A model that ends early takes no more; the missing answers show this.
-        with suppress(BrokenPipeError):
-            self._process.stdin.write(data)
-            self._process.stdin.flush()
 
     def _one(self, operation, half=0, word=0, strobes=0):
         code, word = self.transact(np.array([(operation, strobes, half, word)], REQUEST))[0]
@@ -102,7 +103,7 @@ class Bus:
         self._one(RESET, word=cycles)
 
     def send(self, words: ArrayLike, last: Sequence[int] = (), channel: int = 0) -> None:
-        """Words for the sample stream, shape (N,), with TLAST at the indices ``last``. They go in while the clock runs."""
+        """Words for the sample stream, shape (N,), with TLAST at those in ``last``. They go in while the clock runs."""
         requests = np.zeros(np.size(words), REQUEST)
         requests["operation"], requests["word"], requests["half"] = SEND, np.ravel(words), channel << 1
         requests["half"][list(last)] |= 1
@@ -118,27 +119,9 @@ class Bus:
 
 
 class BusModel(VerilatedModel):
-    """A core behind its bus, Verilated.
-
-    Parameters
-    ----------
-    top : strapdown.cores.Top
-        As ``strapdown.cores.axi_core`` makes it.
-    verilog : Path
-        Its Verilog file.
-    build : Path
-        Folder for compiled models.
-
-    Raises: as VerilatedModel.
-    """
+    """A core behind its bus, Verilated. Its interface is a BusInterface."""
 
     DRIVER = files(__package__) / "bus.cpp"
-
-    def __init__(self, top: Top, verilog: str | os.PathLike, build: str | os.PathLike) -> None:
-        ports = {port.name for port in top.ports}
-        super().__init__(verilog, BusInterface(
-            top.component.name, (), (), clock=top.control.clock.name, reset=top.control.reset.name,
-            streams="s_axis_tdata" in ports, channels="s_axis_tid" in ports), build)
 
     def command(self, *, seed: int = 1, stalls: int = 0) -> list[str]:
         """The command line of a process that answers requests; ``stalls`` in percent of the cycles, below 100.
@@ -156,3 +139,33 @@ class BusModel(VerilatedModel):
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                               stderr=subprocess.PIPE) as process:
             yield Bus(process)
+
+
+def _feed(pipe, data):
+    # A model that ends early takes no more; the missing answers show this.
+    with suppress(BrokenPipeError):
+        pipe.write(data)
+        pipe.flush()
+
+
+def sample_words(top: Top, inputs: Mapping[str, ArrayLike]) -> np.ndarray:
+    """Words of samples as they go through a stream, shape (N, words) of uint32, from numbers by port, shape (N,)."""
+    system, table, format = top.component.system, top.component.table, top.component.program.format
+    with np.errstate(all="ignore"):
+        bits = {word.port: system.input_bits(word.port, format, inputs[word.port]) for word in table.samples}
+    return _words(table.samples, bits)
+
+
+def answer_words(top: Top, result: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Words of answers as they come through a stream, shape (N, words) of uint32, from what ``System.run`` returns."""
+    engine, table = top.component.engine, top.component.table
+    bits = {word.port: top.component.program.format.to_bits(result[word.port]) for word in table.outputs}
+    status = sum(np.asarray(result[name]).astype(np.uint32) << bit
+                 for bit, name in enumerate(engine.status_names) if name in result)
+    return np.column_stack([_words(table.outputs, bits), status])
+
+
+def _words(words, bits):
+    """The words of ports in the order of their registers."""
+    return np.column_stack([np.asarray(bits[word.port], np.uint64) >> np.uint64(REGISTER_BITS * index)
+                            for word in words for index in range(len(word.registers))]).astype(np.uint32)
