@@ -118,6 +118,11 @@ class AxiCore(Wrapper):
         return self._streams
 
     @property
+    def error_response(self):
+        """Answer to a bad access: ``slverr`` or ``okay``."""
+        return self._error_response
+
+    @property
     def capacity(self):
         """Greatest number of updates in flight, and of answers that wait."""
         return 1 if self.channels == 1 else self.program.schedule.stages + 1

@@ -4,9 +4,16 @@ from importlib.resources import files
 from pathlib import Path
 
 from strapdown.bus import RegisterTable
+from strapdown.config import Config
+from strapdown.cores import Top
+from strapdown.export import write
 from strapdown.files import written_together
 
 from . import c_header, page, python_map, rdl
+from .bench import bench
+from .component import component
+from .places import Places
+from .scripts import scripts
 
 __all__ = ["driver_files", "register_files", "write_package"]
 
@@ -24,14 +31,37 @@ def driver_files(table: RegisterTable) -> dict[str, str]:
             | {f"{c_header.DRIVER_TABLE}.h": c_header.text(c_header.driver_table(table))})
 
 
-def write_package(table: RegisterTable, directory: Path) -> Path:
-    """Write the package of a core to a folder, which is made if it is missing.
+def write_package(top: Top, config: Config, directory: Path, *, command: str) -> Path:
+    """Write the package of a core behind a bus to a folder, which is made if it is missing.
+
+    Parameters
+    ----------
+    top : Top
+        With an AxiCore, as ``axi_core`` makes it.
+    config : Config
+        Its configuration.
+    directory : Path
+    command : str
+        The command line that makes the package again, quoted for a shell.
+
+    Returns
+    -------
+    Path
+        The folder.
 
     Raises: OSError if the files cannot be written; then no file has changed.
     """
+    table, places = top.component.table, Places(top.component.name)
+    drivers = {f"{places.sources}/{file}": text for file, text in driver_files(table).items()}
+    drivers[f"{places.sources}/{table.name}.h"] = c_header.text(table)
+    texts = {
+        places.component: component(top, places, drivers),
+        **{f"registers/{file}": text for file, text in register_files(table).items()},
+        **scripts(top, places), **bench(top, config, places), **drivers}
     with written_together(directory) as partial:
-        for folder, texts in {"registers": register_files(table), "drivers": driver_files(table)}.items():
-            (partial / folder).mkdir()
-            for file, text in texts.items():
-                (partial / folder / file).write_text(text, encoding="utf-8")
+        write(top, partial / places.hdl, command=command, config=config)
+        for file, text in texts.items():
+            path = partial / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
     return directory
