@@ -14,10 +14,10 @@ SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog ip test sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog ip test test-ip sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
 
 help: ## Show this list.
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(VENV)/ready ## Prepare .venv with pinned dependencies and the strapdown command.
 
@@ -44,9 +44,20 @@ verilog: setup ## Generate all modules of CONFIG into build/verilog/CONFIG.
 ip: setup ## Write the core of CONFIG behind AXI4-Lite and AXI4-Stream as a package for Vivado, ISE and FuseSoC into build/ip/CONFIG.
 	$(BIN)/strapdown ip $(CONFIG)
 
-test: setup icarus ## Run all tests, except the benches that only `make sim` runs.
+test: setup icarus ## Run all tests, except those that only `make sim` and `make test-ip` run.
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
-	$(PYTEST) -m 'not sim_only'
+	$(PYTEST) -m 'not sim_only and not ip'
+
+test-ip: setup icarus $(VENV)-pynq/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ.
+	@scripts/install_arm.sh
+	@$(BIN)/python scripts/fetch_recording.py build/recordings
+	$(PYTEST) -m ip
+
+$(VENV)-pynq/ready: pyproject.toml
+	python3 -m venv $(VENV)-pynq
+	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check pynq==4.0.0
+	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
 
 sim: setup ## Run every module's cocotb bench in SIM=icarus or verilator; WAVES=1 keeps waveforms.
 	WAVES=$(WAVES) $(PYTEST) tests/sim/test_benches.py -k $(SIM)

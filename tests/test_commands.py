@@ -371,7 +371,7 @@ def test_commands_are_found():
 @cache
 def targets():
     """Targets of the Makefile, with their descriptions."""
-    return dict(re.findall(r"^([a-z]+):.*## (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    return dict(re.findall(r"^([a-z-]+):.*## (.*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 
 def test_every_target_is_explained():
