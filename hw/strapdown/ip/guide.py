@@ -8,11 +8,12 @@ from importlib.metadata import version
 from itertools import groupby
 from typing import Any
 
-from strapdown.bus import RegisterTable
 from strapdown.config import Config
 from strapdown.cores import Core, Top
 from strapdown.kernel.program import UpdateProgram
 from strapdown.markdown import markdown_table
+
+from .page import register_tables
 
 __all__ = ["guide_text", "handshake_wave"]
 
@@ -58,7 +59,7 @@ def handshake_wave(core: Core) -> str:
     return json.dumps({"signal": lanes, "config": {"hscale": 2}, "edge": [f"a<->b {core.latency} cycles"]}, indent=1)
 
 
-def guide_text(config: Config, core: Core, bus: Top, table: RegisterTable, *, picture: str,
+def guide_text(config: Config, core: Core, bus: Top, *, picture: str,
                wave: str, figures: Mapping[str, Any] | None = None, accuracy: Sequence[Sequence[Any]] = ()) -> str:
     """The product guide of the main module of a configuration.
 
@@ -68,9 +69,7 @@ def guide_text(config: Config, core: Core, bus: Top, table: RegisterTable, *, pi
     core : Core
         The main module.
     bus : Top
-        The core behind AXI.
-    table : RegisterTable
-        Its registers.
+        The core behind AXI, from ``axi_core``.
     picture, wave : str
         Paths of the block diagram and of the timing diagram, as seen from the page.
     figures : dict or None
@@ -78,7 +77,7 @@ def guide_text(config: Config, core: Core, bus: Top, table: RegisterTable, *, pi
     accuracy : sequence of rows
         Quantity, largest and RMS difference from float64, as text. Empty: not measured.
     """
-    system, program = core.system, core.engine.program
+    system, program, table = core.system, core.engine.program, bus.component.table
     name, fmt = system.name, program.format
     parts = [
         f"# `{name}` in the configuration `{config.name}`",
@@ -89,7 +88,7 @@ def guide_text(config: Config, core: Core, bus: Top, table: RegisterTable, *, pi
         "## Block diagram", f"![Blocks of {table.name}]({picture})",
         "## Ports of the core", _ports(core),
         "## Ports of the core behind AXI", _ports(bus),
-        "## Registers", _registers(table),
+        "## Registers", register_tables(table, 3).strip(),
         "## Streams", _streams(table),
         "## Timing", f"{_timing(core)}\n\n![One update]({wave})",
         "## Latency and rate", _rate(config, core),
@@ -121,13 +120,6 @@ def _ports(top):
     return markdown_table(["port", "direction", "bits:", "meaning"], [
         [", ".join(f"`{port.name}`" for port in group), direction, width, meaning]
         for (direction, width, meaning), group in same])
-
-
-def _registers(table):
-    rows = [[f"`{register.address:#05x}`", f"`{register.name}`",
-             f"{field.high}:{field.low}" if field.width > 1 else field.low, f"`{field.name}`", field.access.value,
-             f"`{field.reset:#x}`", field.meaning] for register in table for field in register.fields]
-    return markdown_table(["address", "register", "bits", "field", "access", "after reset", "meaning"], rows)
 
 
 def _streams(table):

@@ -1,0 +1,49 @@
+"""Product guides of the cores: docs/guides, a page and two drawings for each configuration."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import wavedrom
+
+from strapdown.cores import CONFIGS, axi_core, main_module, make_core
+from strapdown.ip.diagram import block_diagram
+from strapdown.ip.guide import guide_text, handshake_wave
+from strapdown.markdown import markdown_table
+from strapdown_lab.checkout import ROOT
+from strapdown_lab.studies.number_format import accuracy_rows
+
+__all__ = ["guided_configs", "index_table", "write_guides"]
+
+
+def guided_configs():
+    """Configurations whose main module has equations; the others have a page of their own in docs."""
+    return [config for config in CONFIGS.values() if main_module(config) not in config.assemblies()]
+
+
+def write_guides(folder: Path, make_core: Callable = make_core) -> Iterator[Path]:
+    """Write the pages and drawings to a folder, and yield their paths. ``make_core`` may keep the cores it has made."""
+    report = ROOT / "docs" / "report"
+    measured = {row["config"]: row for row in _json(report / "cores.json")["cores"]}
+    differences = _json(report / "number_format.json")
+    folder.mkdir(exist_ok=True)
+    for config in guided_configs():
+        name = config.name
+        core, bus = make_core(main_module(config), config), axi_core(config)
+        page, blocks, wave = folder / f"{name}.md", folder / f"{name}.svg", folder / f"{name}_update.svg"
+        page.write_text(guide_text(config, core, bus, picture=blocks.name, wave=wave.name, figures=measured.get(name),
+                                   accuracy=accuracy_rows(differences, config)), encoding="utf-8")
+        block_diagram(core, bus.component.table, blocks)
+        wavedrom.render(handshake_wave(core)).saveas(wave)
+        yield from (page, blocks, wave)
+
+
+def index_table() -> str:
+    """Table of the guides, for the page that lists them."""
+    return markdown_table(["configuration", "module", "what it is"], [
+        [f"[`{config.name}`](guides/{config.name}.md)", f"`{main_module(config)}`", config.description]
+        for config in guided_configs()])
+
+
+def _json(path):
+    return json.loads(path.read_text(encoding="utf-8"))
