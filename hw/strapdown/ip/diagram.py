@@ -42,8 +42,9 @@ def block_diagram(core: Core, table: RegisterTable, path: Path) -> None:
     top, bottom = boxes[0].centre[1], boxes[-1].centre[1]
 
     for name, block, inward in ("s_axi", slave, True), ("s_axis", framer, True), ("m_axis", sender, False):
-        ends = ((1, block.centre[1]), (block.left, block.centre[1]))
-        _arrow(axes, *(ends if inward else ends[::-1]), name, both=name == "s_axi")
+        outside, edge = (1, block.centre[1]), (block.left, block.centre[1])
+        start, end = (outside, edge) if inward else (edge, outside)
+        _arrow(axes, start, end, name, both=name == "s_axi")
     _arrow(axes, (slave.left, slave.centre[1] - 4), (1, slave.centre[1] - 4), "irq")
     _wire(axes, (slave.right, 41), (inputs.left, 41))
     _wire(axes, (framer.right, 25), (33, 25), (33, 38), (inputs.left, 38))
@@ -76,7 +77,7 @@ class _Block:
 
 
 def _box(axes, corner, size, text, colour):
-    axes.add_patch(FancyBboxPatch(corner, *size, boxstyle="round,pad=0,rounding_size=0.8", facecolor=colour,
+    axes.add_patch(FancyBboxPatch(corner, size[0], size[1], boxstyle="round,pad=0,rounding_size=0.8", facecolor=colour,
                                   edgecolor="black", lw=1))
     block = _Block(corner, size)
     axes.text(*block.centre, text, ha="center", va="center", size=10)
@@ -86,7 +87,7 @@ def _box(axes, corner, size, text, colour):
 def _wire(axes, *points):
     """A line with an arrow at its last point."""
     axes.plot(*zip(*points, strict=True), color="black", lw=1.2)
-    _arrow(axes, *points[-2:], "")
+    _arrow(axes, points[-2], points[-1], "")
 
 
 def _arrow(axes, start, end, text, *, both=False):

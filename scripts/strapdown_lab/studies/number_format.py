@@ -25,8 +25,8 @@ REST_S = 4
 
 def core_configs():
     """Configurations of one channel whose main module has equations and a recording or a flight as its motion."""
-    alone = (config.replace(channels=1, interval=None) if config.channels > 1 else config for config in CONFIGS.values())
-    return [config for config in alone if main_module(config) not in config.assemblies()]
+    return [config.replace(channels=1, interval=None) if config.channels > 1 else config
+            for config in CONFIGS.values() if not config.assemblies()]
 
 
 def motion(config, system):
@@ -44,8 +44,8 @@ def motion(config, system):
     else:
         recording = read_recording(ROOT / "build" / "recordings" / "00033_CalInertialAndMag.csv")
         part = slice(SAMPLES)
-        gyro = recording.gyro_deg_s[part]
-        values = {"a": recording.accel[part], "m": recording.mag[part], "g": gyro, "omega": np.radians(gyro),
+        a, m, g = recording.accel[part], np.asarray(recording.mag)[part], recording.gyro_deg_s[part]
+        values = {"a": a, "m": m, "g": g, "omega": np.radians(g),
                   "load": 0.0, "start": (1.0, 0.0, 0.0, 0.0), **config.constant_inputs()}
     return system.bind(**{name: values[name] for name in system.inputs})
 

@@ -4,14 +4,13 @@ import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import wavedrom
-
 from strapdown.cores import CONFIGS, axi_core, main_module, make_core
 from strapdown.ip.diagram import block_diagram
 from strapdown.ip.guide import guide_text, handshake_wave
 from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT
 from strapdown_lab.studies.number_format import accuracy_rows
+from strapdown_lab.waves import write_wave
 
 __all__ = ["guided_configs", "index_table", "write_guides"]
 
@@ -34,7 +33,7 @@ def write_guides(folder: Path, make_core: Callable = make_core) -> Iterator[Path
         page.write_text(guide_text(config, core, bus, picture=blocks.name, wave=wave.name, figures=measured.get(name),
                                    accuracy=accuracy_rows(differences, config)), encoding="utf-8")
         block_diagram(core, bus.component.table, blocks)
-        wavedrom.render(handshake_wave(core)).saveas(wave)
+        write_wave(handshake_wave(core), wave)
         yield from (page, blocks, wave)
 
 
