@@ -39,6 +39,8 @@ from strapdown.markdown import markdown_table
 
 from .checkout import ROOT, write_blocks
 from .faults.tables import cores_table, places_tables
+from .guides import index_table as guides_table
+from .guides import write_guides
 from .report.families import family_lines, family_table
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.sensors import sensor_blocks
@@ -283,7 +285,10 @@ def main():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text, encoding="utf-8")
     write_blocks(ROOT / "docs" / "operators" / "README.md", operator_index_blocks())
     write_blocks(ROOT / "docs" / "faults.md", faults_blocks())
+    write_blocks(ROOT / "docs" / "guides.md", {"guides": guides_table()})
     figures = ROOT / "docs" / "report"
+    if (figures / "cores.json").exists() and (figures / "number_format.json").exists():
+        list(write_guides(ROOT / "docs" / "guides"))
     if (figures / "operators.json").exists() and (figures / "cores.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())
     if (figures / "families.json").exists():

@@ -23,6 +23,7 @@ from strapdown.config import Config
 from strapdown.kernel.description import Port, Section, program_facts, program_sections
 
 from .catalogue import main_module, make_core
+from .core import Core
 from .registers import register_table
 from .top import Control, Top, Wrapper
 
@@ -305,12 +306,15 @@ def _padded(value):
     return Cat(value, C(0, REGISTER_BITS - len(value)))
 
 
-def axi_core(config: Config, *, streams: bool = True, error_response: str = "slverr") -> Top:
+def axi_core(config: Config, *, core: Core | None = None, streams: bool = True,
+             error_response: str = "slverr") -> Top:
     """The main module of a configuration behind a bus, as a Top: INS_top_axi for an AttitudeConfig.
 
     Parameters
     ----------
     config : Config
+    core : Core or None
+        Its main module, if it exists already: scheduling takes seconds.
     streams : bool
         Whether there are AXI4-Streams of samples and answers.
     error_response : str
@@ -321,6 +325,6 @@ def axi_core(config: Config, *, streams: bool = True, error_response: str = "slv
     """
     if config.clock_enable:
         raise ValueError(f"configuration {config.name}: clock_enable must be false: a bus has no clock enable")
-    core = make_core(main_module(config), config)
+    core = core or make_core(main_module(config), config)
     table = register_table(core, config, streams=streams)
     return Top(AxiCore(core.engine, table, error_response=error_response), control=AXI_CONTROL)
