@@ -14,7 +14,7 @@ SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog ip test test-ip sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog ip bitstream test test-ip sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -44,11 +44,14 @@ verilog: setup ## Generate all modules of CONFIG into build/verilog/CONFIG.
 ip: setup ## Write the core of CONFIG behind AXI4-Lite and AXI4-Stream as a package for Vivado, ISE and FuseSoC into build/ip/CONFIG.
 	$(BIN)/strapdown ip $(CONFIG)
 
+bitstream: $(VENV)/ready-report ## Make the bitstream of docs/bitstream, for an ECP5, by open tools.
+	scripts/bitstream.sh build/bitstream $(BIN)
+
 test: setup icarus ## Run all tests, except those that only `make sim` and `make test-ip` run.
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m 'not sim_only and not ip'
 
-test-ip: setup icarus $(VENV)-pynq/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ.
+test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ.
 	@scripts/install_arm.sh
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m ip
