@@ -100,7 +100,7 @@ class SilentPins:
         progress(cycles)
         zero = np.zeros(2, int)
         return PinRun((lines[0], lines[1]), dict.fromkeys((*ANGLES, "out_status", "out_line"), zero) | {
-            "cycle": np.array([cycles // 2, cycles])}, words, words, np.array([[0, 1]] * 2), b"", zero, zero, [])
+            "cycle": np.array([cycles // 2, cycles])}, words, words, np.array([[0, 1]] * 2), b"", zero, [])
 
 
 class UpsetNothing:

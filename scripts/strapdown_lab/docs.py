@@ -42,6 +42,7 @@ from .faults.tables import cores_table, places_tables
 from .guides import index_table as guides_table
 from .guides import write_guides
 from .report.families import family_lines, family_table
+from .report.measure import cycles_of
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.sensors import sensor_blocks
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
@@ -68,7 +69,7 @@ def configurations_block(make_module=make_module):
     rows = []
     for config in CONFIGS.values():
         module = main_module(config)
-        cells = [make_module(module, config).interval, *"–––––"]
+        cells = [cycles_of(make_module(module, config)), *"–––––"]
         if row := measured.get(config.name):
             cells[1:4] = [f"{row['xc7']['lut']:,}", row["xc7"]["dsp"], f"{row['xc7']['bram']:g}"]
             if "ecp5" in row:

@@ -10,23 +10,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from strapdown.blocks import LineSensor
+from strapdown.blocks import SENSORS, LineSensor
 from strapdown.config import ConfigError
 from strapdown.cores import OpticalConfig
 from strapdown.cores.optical_update import STATUS
 from strapdown.export import write_core
 from strapdown.files import written_together
+from strapdown.link import Frame, FrameDecoder
 
 from .drivers.optical import TOP, Inertial, OpticalRun, PinBench, Spots
 from .drivers.toolchain import compiler, verilator_root
 from .errors import angle_difference, spread
 from .instrument.calibration import Calibration
+from .instrument.errors import InstrumentError
+from .instrument.flights import Flight
 from .instrument.scene import Scene
 from .optical_picture import angles_picture, budget_picture, exposure_picture, lines_picture
 from .reference.optical import angles_of_pixels, attitude
 
-__all__ = ["SAMPLES", "Recorded", "Source", "Turned", "errors_of", "inertial_samples", "optical",
-           "recorded_source", "scene_source"]
+__all__ = ["SAMPLES", "Judgement", "Recorded", "Source", "Turned", "errors_of", "flight_scene", "inertial_samples",
+           "judged", "optical", "recorded_source", "scene_source"]
 
 SAMPLES = 4
 """Samples of accelerometer and yaw rate in a line period of a flight."""
@@ -68,6 +71,23 @@ def recorded_source(name: str, lines: np.ndarray, sensor: LineSensor, calibratio
     """
     middle, scale = (sensor.pixels - 1) / 2, sensor.pitch_um / 25_000
     return Source(name, Recorded(lines), calibration or Calibration(middle, middle, scale, scale))
+
+
+def flight_scene(flight: Flight, config: OpticalConfig, lines: int, *, start_s: float = 0.0, camera: dict | None = None,
+                 seed: int = 0) -> Scene:
+    """The Scene of some line periods of a flight, for the sensors of a configuration.
+
+    The run begins ``start_s`` seconds after the flight; then the rotor axis is vertical. ``camera`` and ``seed`` are
+    those of Scene. Raises: InstrumentError if the flight ends before the run.
+    """
+    duration_s = (lines + 2) / config.sample_rate_hz
+    if start_s + duration_s > flight.duration_s:
+        begin = f" from {start_s:g} s on" if start_s else ""
+        raise InstrumentError(f"{lines} lines{begin} take {duration_s:g} s, and the flight lasts "
+                              f"{flight.duration_s:g} s")
+    sensor = SENSORS[config.sensor]
+    return Scene(flight.later(start_s), pixels=sensor.pixels, pitch_um=sensor.pitch_um, duration_s=duration_s,
+                 exposure_s=config.exposure_us * 1e-6, camera=camera, seed=seed)
 
 
 def scene_source(name: str, scene: Scene, calibration: Calibration | None = None) -> Source:
@@ -194,37 +214,81 @@ def errors_of(source: Source, run: OpticalRun, spots: tuple[Spots, Spots]) -> tu
     return reference, parts, rows
 
 
+class Judgement(NamedTuple):
+    """A run beside its twin, float64 and the truth.
+
+    Fields
+    ------
+    spots : pair of Spots
+        Of the roll and of the pitch sensor.
+    differing_bits : int
+        Bits of angles and status that differ from the twin.
+    decoder, frames : FrameDecoder, list of Frame
+        That of the serial line, and what it has read.
+    frames_differing : int
+        Frames that differ from the twin.
+    reference, parts, rows : Turned, dict, slice
+        As from ``errors_of``.
+    truth : Turned or None
+        True angles of all updates, for a flight.
+    position_error_px : pair of ndarray, or None
+        Errors of the positions that were found, of each sensor, for a flight.
+    """
+
+    spots: tuple[Spots, Spots]
+    differing_bits: int
+    decoder: FrameDecoder
+    frames: list[Frame]
+    frames_differing: int
+    reference: Turned
+    parts: dict[str, Turned]
+    rows: slice
+    truth: Turned | None = None
+    position_error_px: tuple[np.ndarray, ...] | None = None
+
+
+def judged(source: Source, bench: PinBench, run: OpticalRun) -> Judgement:
+    """Compare a run without faults with its twin, with float64 and, for a flight, with the truth."""
+    twin, spots = bench.twin(run)
+    decoder, frames = run.frames()
+    found = Judgement(spots, bench.differing_bits(run, twin), decoder, frames, bench.frames_differing(frames, twin),
+                      *errors_of(source, run, spots))
+    if source.scene is None or found.rows.start == found.rows.stop:
+        return found
+    roll, pitch = (source.scene.at(np.array([pair[ccd].middle_s for pair in run.seen])) for ccd in range(2))
+    return found._replace(
+        truth=Turned(np.degrees(roll.roll), np.degrees(pitch.pitch)),
+        position_error_px=tuple((own.position / 4096 - true)[own.good]
+                                for own, true in zip(spots, (roll.roll_px, pitch.pitch_px), strict=True)))
+
+
 def _written(source, bench, run, folder, shown):
     """Write CSV, pictures and summary; returns the summary."""
     config, seen = run.config, run.seen
-    twin, spots = bench.twin(run)
-    reference, parts, rows = errors_of(source, run, spots)
+    found = judged(source, bench, run)
+    spots, truth, parts = found.spots, found.truth, found.parts
     exposures = np.array([[line.exposure_s * 1e6 if line else np.nan for line in pair] for pair in seen]).reshape(-1, 2)
     time_s = np.array([pair[0].middle_s if pair[0] else np.nan for pair in seen])
-    decoder, frames = run.frames()
     summary: dict[str, Any] = {
         "source": source.name, "config": config.name, "sensor": config.sensor, "updates": len(run.cycle),
         "line_rate_hz": config.sample_rate_hz, "cycles_per_line": bench.timing.line_cycles,
         "cycles_from_last_pixel_to_angles": bench.core.latency,
-        "bits_differing_from_twin": bench.differing_bits(run, twin),
+        "bits_differing_from_twin": found.differing_bits,
         "timing_violations": [f"cycle {each.cycle}, {each.model}: {', '.join(each.rules)}"
                               for each in run.pins.violations],
-        "frames": {"received": len(frames), "lost": decoder.lost, "crc_errors": decoder.crc_errors,
-                   "differing_from_twin": bench.frames_differing(frames, twin)},
+        "frames": {"received": len(found.frames), "lost": found.decoder.lost, "crc_errors": found.decoder.crc_errors,
+                   "differing_from_twin": found.frames_differing},
         "updates_by_status": {name: int(run.flag(name).sum()) for name in STATUS},
+        "counts": {"least": int(run.light.min()), "largest": int(run.light.max())} if len(run.cycle) else None,
         "updates_with_both_spots": int(np.logical_and(*(own.good for own in spots)).sum()),
     }
     # After the first lines the exposure settles, and the first updates have no precession.
     summary["error_deg"] = {name: {axis: spread(np.abs(values)) for axis, values in part._asdict().items()}
                             for name, part in parts.items()}
-    truth = None
-    if source.scene is not None and rows.start < rows.stop:
-        truths = [source.scene.at(np.array([pair[ccd].middle_s for pair in seen])) for ccd in range(2)]
-        truth = Turned(np.degrees(truths[0].roll), np.degrees(truths[1].pitch))
+    if found.position_error_px is not None:
         summary["position_error_px"] = {
-            axis: spread(np.abs(own.position / 4096 - true)[own.good])
-            for axis, own, true in zip(Turned._fields, spots, (truths[0].roll_px, truths[1].pitch_px), strict=True)}
-    title = f"{source.name}: {TOP}, configuration {config.name}, {config.sample_rate_hz:g} Hz"
+            axis: spread(np.abs(error)) for axis, error in zip(Turned._fields, found.position_error_px, strict=True)}
+    title = f"{source.name}\n{TOP}, configuration {config.name}, {config.sample_rate_hz:g} Hz"
     angles = Turned(*(run.angles[port].astype(float) for port in ("out_roll", "out_pitch")))
     measured = Turned(*(run.angles[f"{port}_measured"].astype(float) for port in ("out_roll", "out_pitch")))
     _write_csv(folder / "angles.csv", {
@@ -238,8 +302,9 @@ def _written(source, bench, run, folder, shown):
     if len(run.cycle):
         index = len(run.cycle) // 2 if shown is None else min(shown, len(run.cycle) - 1)
         lines_picture(folder / "lines.png", title=title, light=run.light, spots=spots, index=index, line=run.line)
-        angles_picture(folder / "angles.png", title=title, time_s=time_s, angles=angles, measured=measured, truth=truth,
-                       time_of_errors=time_s[rows], reference=reference, parts=parts)
+        angles_picture(folder / "angles.png", title=title, time_s=time_s, angles=_known(angles, spots),
+                       measured=_known(measured, spots), truth=truth, time_of_errors=time_s[found.rows],
+                       reference=found.reference, parts=parts)
         exposure_picture(folder / "exposure.png", title=title, time_s=time_s, exposure_us=exposures,
                          peaks=[own.results["peak"] for own in spots],
                          flags={name.replace("_", " "): run.flag(name) for name in STATUS})
@@ -247,6 +312,11 @@ def _written(source, bench, run, folder, shown):
         budget_picture(folder / "budget.png", title=title, parts=parts)
     (folder / "summary.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return summary
+
+
+def _known(angles, spots):
+    """The angles, NaN before the first position of their sensor."""
+    return Turned(*(np.where(own.position < 0, np.nan, values) for values, own in zip(angles, spots, strict=True)))
 
 
 def _write_csv(path, columns):

@@ -20,6 +20,9 @@ _PARTS = {"total": "circuit - truth", "light": "light: noise, finder", "equation
 
 _MOST_ROWS, _MOST_COLUMNS = 400, 1024
 
+LEAST_DEG = 1e-6
+"""Begin of the scale of errors: half the distance of binary32 numbers at 25°."""
+
 
 def lines_picture(path, *, title, light, spots, index, line):
     """Draw the lines of an update with threshold, run and centre of gravity, and all lines as a stack.
@@ -108,7 +111,7 @@ def angles_picture(path, *, title, time_s, angles, measured, truth, time_of_erro
     time_s : ndarray, shape (N,)
         Seconds.
     angles, measured : Turned
-        Angles of the circuit, and those against the rotor, degrees, shape (N,).
+        Angles of the circuit, and those against the rotor, degrees, shape (N,); NaN where nothing is drawn.
     truth : Turned or None
     time_of_errors : ndarray, shape (M,)
         Times of ``reference`` and ``parts``.
@@ -137,7 +140,10 @@ def angles_picture(path, *, title, time_s, angles, measured, truth, time_of_erro
 
 
 def budget_picture(path, *, title, parts):
-    """Draw RMS and largest value of each part of the error, as from ``errors_of``, on a logarithmic scale."""
+    """Draw RMS and largest value of each part of the error, as from ``errors_of``, on a logarithmic scale.
+
+    The scale begins at ``LEAST_DEG``. Of a smaller part only the number is drawn.
+    """
     figure = Figure(figsize=(9, 4.5), dpi=120, layout="constrained")
     panels = figure.subplots(1, 2, sharey=True, sharex=True)
     for axis, axes in zip(_SENSORS, panels, strict=True):
@@ -146,13 +152,16 @@ def budget_picture(path, *, title, parts):
         for offset, colour, label, values in (
                 (-0.2, _COLOURS[0], "RMS", [rms(size) for size in sizes]),
                 (0.2, _COLOURS[1], "largest", [size.max() for size in sizes])):
-            bars = axes.barh(-place - offset, values, 0.38, color=colour, label=label)
+            bars = axes.barh(-place - offset, np.maximum(values, LEAST_DEG), 0.38, color=colour, label=label)
             axes.bar_label(bars, [f"{value:.2g}" for value in values], padding=3, fontsize="x-small")
         axes.set_yticks(-place, _PARTS.values())
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(_plain_number)
-        axes.margins(x=0.2)
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel(f"error of {axis} (°)")
+    highest = max(np.abs(values).max() for part in parts.values() for values in part)
+    # The numbers need room beside the longest bars.
+    panels[0].set_xlim(LEAST_DEG, 10 * max(highest, LEAST_DEG))
     panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False, fontsize="small")
     _finish(figure, panels, title)
     _print(figure, path)

@@ -210,6 +210,27 @@ def test_clocks(clock_hz, sensor_clock_hz):
     assert timing.exposure_range[0] / clock_hz >= 10e-6
 
 
+@pytest.mark.parametrize("name", SENSORS)
+def test_preset_of_the_sample_suits_every_clock(name):
+    """It follows the settling of the video, and an edge of ST by 20 ns; a clock that leaves no cycle is refused."""
+    sensor, refused = SENSORS[name], set()
+    for mhz in range(1, 101):
+        for ratio in range(4, 101):
+            if not sensor.clock_hz_min <= mhz * 1e6 / ratio <= sensor.clock_hz_max:
+                continue
+            try:
+                timing = LineTiming(sensor, clock_hz=mhz * 1e6, sensor_clock_hz=mhz * 1e6 / ratio,
+                                    line_clocks=max(sensor.line_clocks, 16_000))
+            except ValueError as error:
+                refused.add((mhz, ratio, str(error).split(" in ")[0]))
+                continue
+            assert sensor.settle_s * mhz * 1e6 - 1e-6 <= timing.sample_at < timing.slot_cycles
+            assert timing.guard / mhz >= 0.02
+    # The TSL1402 settles in 120 ns: the last cycle of a pixel comes earlier.
+    assert refused == {(mhz, ratio, "the video of tsl1402 settles") for mhz in range(1, 101) for ratio in range(4, 101)
+                       if name == "tsl1402" and mhz / ratio <= 8 and (ratio - 1) / mhz < 0.12 - 1e-9}
+
+
 @pytest.mark.parametrize(("sensor", "options", "message"), [
     ("tcd1304", {"sensor_clock_hz": 5e6}, "the clock of tcd1304 must be from 0.8 to 4 MHz, not 5 MHz"),
     ("tcd1304", {"sensor_clock_hz": 3e6},
@@ -217,8 +238,10 @@ def test_clocks(clock_hz, sensor_clock_hz):
     ("tcd1304", {"trigger": "none"}, "trigger must be internal or external, not 'none'"),
     ("tcd1304", {"line_clocks": 14_788}, "a line of tcd1304 takes 14792 clocks of the sensor or more, not 14788"),
     ("tcd1304", {"line_clocks": 14_802}, "a line of tcd1304 must be a multiple of 4 clocks of the sensor, not 14802"),
-    ("tcd1304", {"sample_at": 200}, "sample_at must be within the pixel, from 1 to 199 cycles, not 200"),
-    ("s11639", {"sample_at": 0}, "sample_at must be within the pixel, from 1 to 19 cycles, not 0"),
+    ("tcd1304", {"sample_at": 200}, "sample_at must be within the pixel, after the 500 ns in which the video settles, "
+                                    "from 50 to 199 cycles, not 200"),
+    ("s11639", {"sample_at": 5}, "sample_at must be within the pixel, after the 60 ns in which the video settles, "
+                                 "from 6 to 19 cycles, not 5"),
     ("s11639", {"sample_at": 11},
      "sample_at must not be 11: there may be an edge of ST 1 cycles before the sample"),
     ("s11639", {"line_clocks": 2_144}, "a line of s11639 takes 2145 clocks of the sensor or more, not 2144"),

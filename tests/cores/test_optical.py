@@ -41,7 +41,11 @@ def test_what_follows_from_other_fields_follows_a_change():
     ({"line_clocks": 14_788}, "a line of tcd1304 takes 14792 clocks of the sensor or more, not 14788"),
     ({"line_clocks": 200_000}, "a line must take less than 8388608 cycles, not 10000000"),
     ({"clock_hz": 33e6}, "the clock must be a whole multiple of the sensor's 2 MHz, 4 times or more, not 33 MHz"),
-    ({"sample_at": 200}, "sample_at must be within the pixel, from 1 to 199 cycles, not 200"),
+    ({"sample_at": 200}, "sample_at must be within the pixel, after the 500 ns in which the video settles, from 50 to "
+                         "199 cycles, not 200"),
+    ({"sensor": "tsl1402", "clock_hz": 32e6, "sensor_clock_hz": 8e6},
+     "the video of tsl1402 settles in 120 ns, and a pixel of 125 ns has no cycle of the clock after that: choose a "
+     "slower clock of the sensor, or a faster clock"),
     ({"exposure_min_us": 5},
      "the exposure of tcd1304 must be from 11.2 to 7311.2 us in this line, not from 5 to 7311.2 us"),
     ({"exposure_us": 9000}, "exposure_us must be from 11.2 to 7311.2, not 9000"),

@@ -78,6 +78,16 @@ def test_angles_come_within_300_cycles_of_the_last_pixel(make_module, config):
     assert make_module("OPT_top", config).latency <= 300
 
 
+def test_updates_come_once_a_line(make_module):
+    """The interval is the line period; and the inputs are samples, of which the core takes the mean."""
+    top = make_module("OPT_top", OPTICAL_S11639)
+    assert (top.latency, top.interval) == (280, 50_000)
+    for module, meaning in (("OPT_top", "m/s^2, a sample"), ("OPT_attitude", "m/s^2, mean over the line period")):
+        ports = {port.name: port.meaning for port in make_module(module, OPTICAL_S11639).ports}
+        assert ports["in_accx"].endswith(meaning)
+    assert make_module("OPT_attitude", OPTICAL_S11639).interval == make_module("OPT_attitude", OPTICAL_S11639).latency
+
+
 @pytest.mark.parametrize("mode", ["streaming", "buffered"])
 def test_no_memory_demands_luts(mode):
     """Families without LUT RAM have no mapping for it."""
@@ -96,6 +106,8 @@ def test_frames_hold_what_was_there_when_the_update_was_complete(models, tmp_pat
     top = make_module("OPT_send", config)
     path = write_core(top, config, tmp_path, "")
     sender = top.component.sender
+    assert f"in the {sender.loading} cycles after it; until then all in_ numbers must hold" in " ".join(
+        path.read_text(encoding="utf-8").replace("//", "").split())
     ports = {port.name: port for port in top.ports}
     numbers = [f"in_{quantity.name}" for quantity in OPTICAL_ATTITUDE.quantities]
     model = verilated(path, Interface("OPT_send", ("in_send_en", "in_status", *numbers),
@@ -157,10 +169,11 @@ def test_outputs_change_together_when_the_finish_rises(models):
 @pytest.mark.verilator
 def test_the_whole_with_buffer_trigger_and_the_formulas_of_the_patent(models):
     """A read-out into the line buffer, lines by an external trigger, a frame for three lines."""
+    # A pixel takes four cycles, the fewest that there can be.
     config = OPTICAL_S11639.replace(mode="buffered", trigger="external", compensation="patent", send_every=3,
-                                    exposure="fixed", exposure_us=120)
+                                    exposure="fixed", exposure_us=120, clock_hz=20e6)
     bench = PinBench(config, models)
-    line, lines = bench.timing.line_cycles, 12
+    line, lines = bench.timing.line_cycles, 14
     calibration = Calibration(1023.5, 1023.5, 14 / 25_000, 14 / 25_000, k=0.1)
     # Triggers are three line periods apart, then one.
     triggers = [2000 + line * number for number in (0, 3, 6, 7, 8, 9, 10)]

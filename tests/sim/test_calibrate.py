@@ -136,7 +136,8 @@ def test_rests_without_k(tmp_path, changes, message):
 
 @pytest.mark.parametrize(("hold", "message"), [
     ("c4=0", f"--hold: no constant is called 'c4': choose from {', '.join(CONSTANTS)}"),
-    ("c3_r", "--hold takes NAME=VALUE, as in --hold c3_r=0, not 'c3_r'")])
+    ("c3_r", "--hold takes NAME=VALUE, as in --hold c3_r=0, not 'c3_r'"),
+    ("h=nan", "--hold: h must be a finite number, not nan")])
 def test_mistakes_in_hold(tmp_path, hold, message):
     result = run(table(tmp_path), "--hold", hold)
     assert (result.exit_code, result.stderr) == (2, f"strapdown: {message}\n")

@@ -12,8 +12,7 @@ from strapdown_sim.drivers.optical import Inertial, PinBench
 from strapdown_sim.instrument.calibration import Calibration
 from strapdown_sim.instrument.flights import FLIGHTS
 from strapdown_sim.instrument.image import LineCamera
-from strapdown_sim.instrument.scene import Scene
-from strapdown_sim.optical import errors_of, scene_source
+from strapdown_sim.optical import flight_scene, judged, scene_source
 
 pytestmark = pytest.mark.verilator
 
@@ -43,8 +42,7 @@ def inertial(bench, lines, f_b=(0.0, 0.0, -9.80665), yaw_rate=0.0, each=3):
 def test_flight_from_the_pins(bench, name, lines, position_px):
     bench = bench(name)
     config, sensor = bench.config, SENSORS[bench.config.sensor]
-    scene = Scene(FLIGHTS["f"], pixels=sensor.pixels, pitch_um=sensor.pitch_um, seed=3,
-                  duration_s=(lines + 2) / config.sample_rate_hz, exposure_s=config.exposure_us * 1e-6)
+    scene = flight_scene(FLIGHTS["f"], config, lines, seed=3)
     line = bench.timing.line_cycles
     cycle = 500 + np.arange(4 * (lines + 1)) * line // 4
     motion = scene.flight.at(cycle / config.clock_hz)
@@ -61,22 +59,19 @@ def test_flight_from_the_pins(bench, name, lines, position_px):
     # Angles come at equal distances, after each last sample.
     assert set(np.diff(run.cycle)) == {line}
     # All bits are those of the twin, at the ports and in the frames.
-    twin, spots = bench.twin(run)
-    assert bench.differing_bits(run, twin) == 0
-    decoder, frames = run.frames()
+    found = judged(scene_source("", scene), bench, run)
+    assert (found.differing_bits, found.frames_differing) == (0, 0)
     # The run ends within the last frame.
-    assert (decoder.lost, decoder.crc_errors) == (0, 0)
-    assert decoder.skipped_bytes < frame_size(36)
-    assert lines - 1 <= len(frames) <= lines
-    assert bench.frames_differing(frames, twin) == 0
+    assert (found.decoder.lost, found.decoder.crc_errors) == (0, 0)
+    assert found.decoder.skipped_bytes < frame_size(36)
+    assert lines - 1 <= len(found.frames) <= lines
     # Only the first line has no spot. Positions and angles are those of the rays.
     assert run.status.tolist() == [3] + [0] * (lines - 1)
-    for own, axis in zip(spots, ("roll_px", "pitch_px"), strict=True):
-        true = getattr(scene.at(np.array([pair[0].middle_s for pair in run.seen])), axis)
-        assert np.sqrt(np.mean((own.position[1:] / 4096 - true[1:]) ** 2)) <= position_px
-    _, parts, _ = errors_of(scene_source("", scene), run, spots)
+    for error in found.position_error_px:
+        assert len(error) == lines - 1
+        assert np.sqrt(np.mean(error ** 2)) <= position_px
     for part, largest in (("arithmetic", 0.0005), ("equations", 0.005), ("total", 0.01)):
-        assert np.abs(parts[part]).max() <= largest, part
+        assert np.abs(found.parts[part]).max() <= largest, part
     # The strobe comes in the middle of the roll sensor's exposure, within a clock of the sensor.
     middles = np.array([own.middle_s * config.clock_hz for own in run.pins.lines[0]])
     assert np.abs(run.pins.middles[:len(middles)] - middles).max() <= bench.timing.clock_cycles

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.image import imsave
+from PIL import Image
 
 from strapdown.cli import main
+from strapdown_sim import optical
 from strapdown_sim.instrument.errors import InstrumentError
 from strapdown_sim.instrument.scene import camera_options
+from strapdown_sim.optical_picture import angles_picture as picture
 from strapdown_sim.recordings import RecordingError
 from strapdown_sim.recordings.lines import FULL_SCALE, read_lines
 
@@ -38,8 +41,11 @@ def refused(*words):
 # Whole runs.
 
 @pytest.mark.verilator
-def test_flight(tmp_path, models):
-    result = invoke("c", "--lines", 8, "--output", tmp_path, "--build", models, "--camera", "prnu=0.01",
+def test_flight(tmp_path, models, monkeypatch):
+    drawn = {}
+    monkeypatch.setattr(optical, "angles_picture",
+                        lambda path, **given: (drawn.update(given), picture(path, **given)))
+    result = invoke("c", "--lines", 8, "--start", 20, "--output", tmp_path, "--build", models, "--camera", "prnu=0.01",
                     "--camera", "laser=true", "--show", 3)
     assert result.exit_code == 0, result.output
     assert {path.name for path in tmp_path.iterdir()} >= {
@@ -58,10 +64,22 @@ def test_flight(tmp_path, models):
             parts[name][axis]["max"] for name in ("light", "equations", "arithmetic")) + 1e-9
         assert parts["total"][axis]["max"] < 0.01
         assert summary["position_error_px"][axis]["max"] < 0.2
-    rows = (tmp_path / "angles.csv").read_text(encoding="utf-8").splitlines()
-    assert rows[0].split(",")[:3] == ["t", "roll", "pitch"]
-    assert len(rows) == 9
+    assert summary["source"] == "flight c from 20 s on, coordinated turn of 342°, bank 23°"
+    table = np.genfromtxt(tmp_path / "angles.csv", delimiter=",", names=True)
+    assert table.dtype.names[:3] == ("t", "roll", "pitch")
+    assert len(table) == 8
+    # 40 m/s with 6 deg/s: in the middle of the turn, with the rotor's axis still vertical.
+    bank = np.degrees(np.arctan(40 * np.radians(6) / 9.80665))
+    assert np.abs(table["roll_true"] - bank).max() < 1e-5
+    assert np.abs(table["roll_measured"][1:] - bank).max() < 0.02
     assert "bits that differ from the twin" in result.output
+    counts = summary["counts"]
+    assert 80 < counts["least"] < 110
+    assert 2500 < counts["largest"] < 3300
+    # Before the first position there is no angle to draw.
+    for values in *drawn["angles"], *drawn["measured"]:
+        assert np.flatnonzero(np.isnan(values)).tolist() == [0]
+    assert f"{counts['least']} to {counts['largest']:,}" in result.output
 
 
 @pytest.mark.verilator
@@ -94,16 +112,19 @@ def test_formats_of_lines(tmp_path):
     assert np.array_equal(read_lines(tmp_path / "a.csv", PIXELS), lines)
     (tmp_path / "mark.csv").write_text((tmp_path / "a.csv").read_text(encoding="utf-8"), encoding="utf-8-sig")
     assert np.array_equal(read_lines(tmp_path / "mark.csv", PIXELS), lines)
-    from PIL import Image
-
     Image.fromarray(np.rint(rows * (65535 / FULL_SCALE)).astype(np.uint16)).save(tmp_path / "a.png")
     assert np.array_equal(read_lines(tmp_path / "a.png", PIXELS), lines)
+    Image.fromarray(rows).save(tmp_path / "counts.png")
+    assert np.array_equal(read_lines(tmp_path / "counts.png", PIXELS, FULL_SCALE), lines)
+    assert np.array_equal(read_lines(tmp_path / "counts.png", PIXELS, 65535), np.rint(lines / (65535 / FULL_SCALE)))
+    Image.fromarray((rows >> 4).astype(np.uint8)).save(tmp_path / "grey.png")
+    assert np.abs(read_lines(tmp_path / "grey.png", PIXELS).astype(int) - lines).max() <= 16
 
 
 def test_files_that_hold_no_lines(tmp_path):
-    def told(name, pixels=4):
+    def told(name, full_scale=None):
         with pytest.raises(RecordingError) as caught:
-            read_lines(tmp_path / name, pixels)
+            read_lines(tmp_path / name, 4, full_scale)
         text = str(caught.value)
         assert "\n" not in text
         return text.removeprefix(f"{tmp_path / name}: ")
@@ -121,6 +142,8 @@ def test_files_that_hold_no_lines(tmp_path):
     assert told("d.npz") == "the lines of the roll sensor must be finite numbers"
     np.savez(tmp_path / "e.npz", roll=good + 5000, pitch=good)
     assert told("e.npz") == "the roll sensor has counts from 5000 to 5000; they must be from 0 to 4095"
+    np.savez(tmp_path / "h.npz", roll=good, pitch=good + 0.5)
+    assert told("h.npz") == "the pitch sensor has the count 0.5; counts must be whole numbers, so round them"
     np.savez(tmp_path / "f.npz", roll=good, pitch=np.zeros((3, 4)))
     assert told("f.npz") == "2 lines of the roll sensor and 3 of the pitch sensor; cut the longer one"
     (tmp_path / "a.csv").write_text("1,2,x\n", encoding="utf-8")
@@ -129,6 +152,12 @@ def test_files_that_hold_no_lines(tmp_path):
     assert told("b.csv") == "the file is empty"
     (tmp_path / "a.png").write_bytes(b"no picture")
     assert told("a.png") == "not a PNG picture"
+    Image.fromarray(np.full((2, 8), 3000, np.uint16)).save(tmp_path / "c.png")
+    assert told("c.png") == ("a picture of 16 bits with no value above 3000; say what is full scale: --full-scale 4095 "
+                             "if the values are counts of 12 bits, --full-scale 65535 if not")
+    assert told("c.png", full_scale=2000).startswith("the roll sensor has counts from 6142 to 6142; ")
+    np.savez(tmp_path / "g.npz", roll=good, pitch=good)
+    assert told("g.npz", full_scale=4095) == "holds counts; only pictures have a full scale"
     imsave(tmp_path / "b.png", np.zeros((2, 8, 3)))
     assert told("b.png") == "the picture has colours; it must be grey"
 
@@ -158,13 +187,18 @@ def test_commands_that_are_refused(tmp_path):
     result = invoke("--seed", -1)
     assert result.exit_code == 2
     assert "'--seed': -1 is not in the range" in result.stderr
-    assert refused("a", "--seconds", 70).startswith("flight a lasts 60 s, and 140000 lines take ")
+    assert refused("a", "--seconds", 70) == "140000 lines take 70.001 s, and the flight lasts 60 s"
+    assert refused("a", "--start", 59.95) == "200 lines from 59.95 s on take 0.101 s, and the flight lasts 60 s"
+    assert refused("--start", "inf") == "--start must be a finite number, not inf"
     assert refused("--set", "trigger=external") == (
         "configuration optical_s11639: a run needs trigger=internal, not 'external'")
+    assert refused("--full-scale", 4095) == "--full-scale is that of a picture, and a flight has none"
     assert refused("--camera", "colour=1").startswith("the camera has no field 'colour'")
     np.savez(tmp_path / "lines.npz", roll=recorded()[0], pitch=recorded()[1])
     assert refused(tmp_path / "lines.npz", "--camera", "prnu=0") == (
         "--camera changes the light of a flight, and recorded lines have their own")
+    assert refused(tmp_path / "lines.npz", "--start", 1) == (
+        "--start is a time of a flight, and recorded lines begin with the first")
     assert "needs (lines, 3648)" in refused(tmp_path / "lines.npz", "--config", "optical_tcd1304")
     (tmp_path / "calibration.json").write_text("{}", encoding="utf-8")
     assert refused("--calibration", tmp_path / "calibration.json") == (

@@ -17,8 +17,8 @@ EXPOSURE_WIDTH = 24
 
 TRIGGERS = "internal", "external"
 
-# After a sample, and around the edges of ICG, SH rests for these times, in seconds.
-SH_AFTER_SAMPLE, SH_FROM_ICG = 50e-9, 500e-9
+# After a sample, and around the edges of ICG, SH rests for these times, in seconds; and ST before a sample.
+SH_AFTER_SAMPLE, SH_FROM_ICG, ST_BEFORE_SAMPLE = 50e-9, 500e-9, 20e-9
 
 
 class LineTiming(Described):
@@ -39,7 +39,8 @@ class LineTiming(Described):
     line_clocks : int or None
         Clocks of the sensor from line to line, whole pixel slots; None means the preset.
     sample_at : int or None
-        Cycles from the begin of a pixel slot to the sample; None means the preset.
+        Cycles from the begin of a pixel slot to the sample; None means the preset, or the next cycle in the slot in
+        which the video has settled.
     exposure_s : tuple of float or None
         Least and largest exposure, seconds; None for either means the sensor's.
     trigger : str
@@ -88,8 +89,10 @@ class LineTiming(Described):
         self._events = self._transfer()
         self._line_slots = self._slots_of_line(
             sensor.line_clocks if line_clocks is None else operator.index(line_clocks))
-        self._sample_at = round(sensor.sample_at * self._slot) if sample_at is None else operator.index(sample_at)
-        self._check_sample()
+        settled = self._cycles(sensor.settle_s)
+        self._sample_at = (min(max(round(sensor.sample_at * self._slot), settled), self._slot - 1)
+                           if sample_at is None else operator.index(sample_at))
+        self._check_sample(settled)
         self._exposure_range = self._exposures(*(exposure_s or (None, None)))
         super().__init__({
             "run": In(1), "exposure": In(data.ArrayLayout(EXPOSURE_WIDTH, 2)),
@@ -154,11 +157,17 @@ class LineTiming(Described):
                              f"not {line_clocks * self._clock}")
         return line_clocks // sensor.clocks_per_pixel
 
-    def _check_sample(self):
-        if not 0 < self._sample_at < self._slot:
-            raise ValueError(f"sample_at must be within the pixel, from 1 to {self._slot - 1} cycles, "
-                             f"not {self._sample_at}")
-        if self.guard < 2:
+    def _check_sample(self, settled):
+        """``settled`` is the first cycle of a slot in which the video has settled."""
+        name, settle_ns = self._sensor.name, 1e9 * self._sensor.settle_s
+        if settled >= self._slot:
+            raise ValueError(f"the video of {name} settles in {settle_ns:g} ns, and a pixel of "
+                             f"{1e9 * self._slot / self._clock_hz:g} ns has no cycle of the clock after that: choose "
+                             "a slower clock of the sensor, or a faster clock")
+        if not settled <= self._sample_at < self._slot:
+            raise ValueError(f"sample_at must be within the pixel, after the {settle_ns:g} ns in which the video "
+                             f"settles, from {settled} to {self._slot - 1} cycles, not {self._sample_at}")
+        if self.guard < self._cycles(ST_BEFORE_SAMPLE):
             raise ValueError(f"sample_at must not be {self._sample_at}: there may be an edge of "
                              f"ST {self.guard} cycles before the sample")
 

@@ -1,5 +1,6 @@
 """The command ``strapdown calibrate``."""
 
+import math
 from pathlib import Path
 
 import click
@@ -58,7 +59,10 @@ def _held(changes):
         if name.strip() not in CONSTANTS:
             raise UserError(f"--hold: no constant is called {name.strip()!r}: choose from {', '.join(CONSTANTS)}")
         try:
-            held[name.strip()] = float(value)
+            number = float(value)
         except ValueError:
             raise UserError(f"--hold takes NAME=VALUE, as in --hold c3_r=0, not {change!r}") from None
+        if not math.isfinite(number):
+            raise UserError(f"--hold: {name.strip()} must be a finite number, not {number:g}")
+        held[name.strip()] = number
     return held

@@ -26,6 +26,10 @@ DEFAULT = "optical_s11639"
               help="Lines to run.  [default: 200, or all lines of FILE]")
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), default=None, metavar="S",
               help="Time to run, in place of --lines.")
+@click.option("--start", "start_s", type=click.FloatRange(min=0), default=None, metavar="S",
+              help="Seconds of the flight before the run begins.  [default: 0]")
+@click.option("--full-scale", type=click.IntRange(1, 65535), default=None, metavar="N",
+              help="Value in a .png file that stands for the count 4095.  [default: white]")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/optical"),
               show_default=True, help="Folder for the results (PNG, CSV, JSON) and the Verilog.")
 @click.option("--camera", multiple=True, metavar="FIELD=VALUE",
@@ -40,13 +44,14 @@ DEFAULT = "optical_s11639"
               help="Update whose lines are drawn.  [default: the middle one]")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def optical(source, config_name, changes, lines, seconds, output, camera, calibration, seed, shown, build):
+def optical(source, config_name, changes, lines, seconds, start_s, full_scale, output, camera, calibration, seed, shown,
+            build):
     """Run light through OPT_top in Verilator, from the pins of sensors and ADCs to the serial line.
 
     FLIGHT is a letter from a to g: the rotor of the gyro, rays of light and noise make each line, and the models of
     sensors and ADCs check the timing at their pins. FILE holds recorded lines: .npz with the arrays roll and pitch, a
     row for each line; or .csv or .png, whose rows have the pixels of the roll sensor and then those of the pitch
-    sensor. The default is flight f.
+    sensor. The default is flight f. The rotor axis is vertical at the begin of a run, also with --start.
 
     Pictures in the folder: lines.png shows lines with threshold, run and centre of gravity; angles.png the angles and
     their errors; budget.png the parts of the error; exposure.png exposure, peak and status. angles.csv and summary.json
@@ -66,14 +71,15 @@ def optical(source, config_name, changes, lines, seconds, output, camera, calibr
         raise UserError(f"configuration {config.name} has no OPT_top: choose from {', '.join(optical_ones)}")
     if lines is not None and seconds is not None:
         raise UserError("--lines and --seconds exclude each other: give only one of them")
+    for option, given in ("seconds", seconds), ("start", start_s):
+        if given is not None and not math.isfinite(given):
+            raise UserError(f"--{option} must be a finite number, not {given:g}")
     if seconds is not None:
-        if not math.isfinite(seconds):
-            raise UserError(f"--seconds must be a finite number, not {seconds:g}")
         lines = max(2, math.ceil(seconds * config.sample_rate_hz))
     labels = {"build": "generate and compile", "simulate": "simulate, lines", "compare": "compare and draw"}
     with progress_of_stages(labels) as progress:
         try:
-            light, lines = _source(source, config, lines, camera, calibration, seed)
+            light, lines = _source(source, config, lines, start_s, camera, calibration, seed, full_scale)
             with writing(output, build):
                 summary = run(light, config, output, lines=lines, build=build, shown=shown, progress=progress,
                               command=("strapdown", "generate", *options, "--module", "OPT_top"))
@@ -82,29 +88,30 @@ def optical(source, config_name, changes, lines, seconds, output, camera, calibr
     _print_summary(summary, output)
 
 
-def _source(source, config, lines, camera, calibration, seed):
+def _source(source, config, lines, start_s, camera, calibration, seed, full_scale):
     """The Source, and the number of lines to run. Raises: UserError, InstrumentError, RecordingError."""
     from strapdown_sim.instrument.flights import FLIGHTS
-    from strapdown_sim.instrument.scene import Scene, camera_options
-    from strapdown_sim.optical import recorded_source, scene_source
+    from strapdown_sim.instrument.scene import camera_options
+    from strapdown_sim.optical import flight_scene, recorded_source, scene_source
     from strapdown_sim.recordings.lines import read_lines
 
-    sensor = SENSORS[config.sensor]
     words = None if calibration is None else _calibration(calibration)
     if source in FLIGHTS:
+        if full_scale is not None:
+            raise UserError("--full-scale is that of a picture, and a flight has none")
         flight, lines = FLIGHTS[source], lines or 200
-        duration_s = (lines + 2) / config.sample_rate_hz
-        if duration_s > flight.duration_s:
-            raise UserError(f"flight {source} lasts {flight.duration_s:g} s, and {lines} lines take {duration_s:g} s")
-        scene = Scene(flight, pixels=sensor.pixels, pitch_um=sensor.pitch_um, duration_s=duration_s, seed=seed,
-                      exposure_s=config.exposure_us * 1e-6, camera=camera_options(camera))
-        return scene_source(f"flight {source}, {flight.title}", scene, words), lines
+        scene = flight_scene(flight, config, lines, start_s=start_s or 0.0, camera=camera_options(camera), seed=seed)
+        begin = f" from {start_s:g} s on" if start_s else ""
+        return scene_source(f"flight {source}{begin}, {flight.title}", scene, words), lines
     path = Path(source)
     if not path.is_file():
         raise UserError(f"there is no flight and no file {source!r}: flights are {', '.join(FLIGHTS)}")
     if camera:
         raise UserError("--camera changes the light of a flight, and recorded lines have their own")
-    recorded = read_lines(path, sensor.pixels)
+    if start_s is not None:
+        raise UserError("--start is a time of a flight, and recorded lines begin with the first")
+    sensor = SENSORS[config.sensor]
+    recorded = read_lines(path, sensor.pixels, full_scale)
     return recorded_source(path.name, recorded, sensor, words), lines or recorded.shape[1]
 
 
@@ -132,6 +139,8 @@ def _print_summary(summary, output):
             ("violations of the sensors' timing", str(len(summary["timing_violations"])))]
     rows += [(f"updates with status: {name.replace('_', ' ')}", f"{count:,}")
              for name, count in status.items() if count]
+    if counts := summary["counts"]:
+        rows.append(("counts of the pixels", f"{counts['least']} to {counts['largest']:,}"))
     for axis, error in summary.get("position_error_px", {}).items():
         rows.append((f"error of the position, {axis}", _figures(error, " px", ".3f")))
     for name, label in ("total", "error of the angles"), ("arithmetic", "of this, arithmetic"):

@@ -42,10 +42,7 @@ def system_of(module: str, config: Config) -> System:
         raise ValueError(f"configuration {config.name} has {', '.join(modules)}, not {module}")
     if module in config.assemblies():
         raise ValueError(f"{module} has no equations of its own: choose {', '.join(config.systems())}")
-    system = config.systems()[module.removesuffix(f"_x{config.channels}")](config)
-    if system.status_port and system.state:
-        # Without a status port no update is refused.
-        system = replace(system, restart_after=config.restart_after)
+    system = config.systems()[module.removesuffix(f"_x{config.channels}")](config).restarting(config.restart_after)
     if config.channels == 1:
         return system
     return replace(system, name=module, title=f"{system.title}, {config.channels} channels")

@@ -46,11 +46,6 @@ class Core(Top):
         return self.component.engine
 
     @property
-    def interval(self):
-        """Cycles from one update to the next, of any channels."""
-        return getattr(self.engine, "interval", self.latency)
-
-    @property
     def system(self):
         """Equations and port names."""
         return self.engine.system

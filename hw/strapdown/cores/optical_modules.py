@@ -300,9 +300,10 @@ class FrameOutput(Assembled):
                 *(Port(f"in_{quantity.name}", In, 32, f"{quantity.meaning}, {quantity.unit}")
                   for quantity in kind.quantities),
                 *LINK_PORTS), latency=2,
-            sections=frame_sections(
-                kind, self._sender, f"A frame begins two cycles after in_send_en has risen, every {every} times."
-                if every > 1 else "A frame begins two cycles after in_send_en has risen."),
+            sections=frame_sections(kind, self._sender, (
+                "A frame begins two cycles after in_send_en has risen"
+                f"{f', every {every} times' if every > 1 else ''}. It is loaded in the cycle in which in_send_en rises "
+                f"and in the {self._sender.loading} cycles after it; until then all in_ numbers must hold.")),
             facts=frame_facts(kind, self._sender))
 
     @property

@@ -60,6 +60,7 @@ class OpticalTop(Assembled):
     zero, because the angles before are not known.
 
     Latency: ``latency`` cycles from the last pixel in the stream of the ADCs to ``out_attitude_finish``, in every line.
+    Updates come every ``interval`` cycles: the line period; with an external trigger, the shortest one.
     Raises: ValueError if an update takes longer than a line, and as the components inside.
     """
 
@@ -105,11 +106,17 @@ class OpticalTop(Assembled):
         return [port for port in self._engine.ports if port.name in names]
 
     def _text(self, latency):
-        samples = (f" Samples of the accelerometer are lost if they come less than {self._sums.interval} cycles after "
+        samples = (" An update takes the mean of the samples of accelerometer and yaw rate that came since the line "
+                   f"before. Samples are lost if they come less than {self._sums.interval} cycles after "
                    "the one before.") if self._sums else ""
         return (f"A line takes {self._timing.line_cycles} cycles. out_attitude_finish rises {latency} cycles after the "
                 f"last pixel has come from the ADCs, {self._adc.latency} cycles after its sample, in every line; with "
                 f"it, all outputs and the status change.{samples}")
+
+    @property
+    def interval(self):
+        """Cycles from line to line; with an external trigger, at least."""
+        return self._timing.line_cycles
 
     @property
     def engine(self):

@@ -1,7 +1,6 @@
 """The update of the optical attitude sensor as a System: OPT_attitude, and the same inside OPT_top."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,8 +22,6 @@ MEANINGS = {
     "counted_peak": "largest light of the spot above black, counts, as by counted",
     "cycles": "exposure, cycles of clk, as by counted",
     "samples": "number of samples, as by counted",
-    "f": "accelerometer (specific force), body axes (forward, right, down), m/s^2, mean over the line period",
-    "yaw_rate": "rate of the heading, clockwise from above, rad/s, mean over the line period",
     "n0": "position of the spot at angle zero, pixels",
     "scale": "pixel pitch over distance pivot to CCD; negative where pixels count the other way",
     "tilt": "slope of the CCD towards the pivot",
@@ -37,6 +34,11 @@ MEANINGS = {
     "exposure": "exposure of the roll CCD, us",
 }
 """Meaning, unit and frame of the ports, by the kernel's names."""
+
+INERTIAL = {"f": "accelerometer (specific force), body axes (forward, right, down), m/s^2",
+            "yaw_rate": "rate of the heading, clockwise from above, rad/s"}
+"""Of those that are means over the line period in OPT_attitude, and samples in OPT_top."""
+
 
 def counted(integers):
     """Integers below 2²³ as the inputs of ``opt_update`` take them: 2²³ + i, an array of float64."""
@@ -77,8 +79,8 @@ def _inertial_ports(config):
     return ports if config.compensation != "exact" else ports | {"yaw_rate": "in_yaw_rate"}
 
 
-def _system(config, name, title, equations, inputs, outputs, kernels):
-    """A System whose state and angles are those of ``optical_update``."""
+def _system(config, name, title, equations, inputs, outputs, kernels, inertial):
+    """A System whose state and angles are those of ``optical_update``; ``inertial`` says what ``INERTIAL`` are."""
     state: dict[str, object] = {
         "none": {},
         "patent": {"drift": _pair("drift_{}"), "step": "step"},
@@ -93,7 +95,8 @@ def _system(config, name, title, equations, inputs, outputs, kernels):
     angles = {"angles": ("out_roll", "out_pitch"), "measured": ("out_roll_measured", "out_pitch_measured")}
     return System(
         name, title, equations, kernels=tuple(kernels),
-        meanings=MEANINGS, sections=("LIGHT", "ROTOR", "ANGLES") if "n" in state else ("LIGHT", "ANGLES"),
+        meanings=MEANINGS | {quantity: f"{meaning}, {inertial}" for quantity, meaning in INERTIAL.items()},
+        sections=("LIGHT", "ROTOR", "ANGLES") if "n" in state else ("LIGHT", "ANGLES"),
         start="in_line_en", finish="out_attitude_finish", inputs=inputs, outputs=angles | outputs,
         state=state, reset={"nz": 1.0} if "n" in state else {},
         status_port="out_status", status_order=STATUS)
@@ -108,14 +111,16 @@ def opt_attitude(config):
                                       **state)
 
     return _system(config, "OPT_attitude", "roll and pitch from the spots on both CCDs", equations,
-                   {"px": ("in_roll_px", "in_pitch_px")} | _inertial_ports(config) | _calibration_ports(config), {}, ())
+                   {"px": ("in_roll_px", "in_pitch_px")} | _inertial_ports(config) | _calibration_ports(config), {}, (),
+                   "mean over the line period")
 
 
 def opt_update(config):
     """System of the update inside OPT_top: its inputs are what the circuits around it count and sum.
 
     Integers come as numbers, by ``counted`` and ``placed``. Specific force and yaw rate are sums of ``in_samples``
-    samples, zero if there was no sample. The outputs are those of a frame, of which OPT_top shows the angles.
+    samples, zero if there was no sample; the ports of OPT_top with these names take the samples. The outputs are those
+    of a frame, of which OPT_top shows the angles.
     """
     settings = _settings(config)
     compensates = config.compensation != "none"
@@ -136,8 +141,8 @@ def opt_update(config):
         "counted_peak": ("in_roll_peak", "in_pitch_peak"), "cycles": "in_exposure_r"}
     if compensates:
         inputs["samples"] = "in_samples"
-    system = _system(config, "OPT_top", "from the pins of both CCDs to roll and pitch", equations,
-                     inputs | _inertial_ports(config) | _calibration_ports(config),
-                     {"px": ("out_roll_px", "out_pitch_px"), "peak": ("out_roll_peak", "out_pitch_peak"),
-                      "exposure": "out_exposure_r"}, (optical.pixels, optical.integer))
-    return replace(system, restart_after=config.restart_after if system.state else 0)
+    return _system(config, "OPT_top", "from the pins of both CCDs to roll and pitch", equations,
+                   inputs | _inertial_ports(config) | _calibration_ports(config),
+                   {"px": ("out_roll_px", "out_pitch_px"), "peak": ("out_roll_peak", "out_pitch_peak"),
+                    "exposure": "out_exposure_r"}, (optical.pixels, optical.integer),
+                   "a sample").restarting(config.restart_after)

@@ -114,6 +114,11 @@ class Wrapper(Described):
         return self._engine.latency
 
     @property
+    def interval(self):
+        """Cycles from one update to the next: the engine's ``interval``, or without one its latency."""
+        return getattr(self._engine, "interval", self.latency)
+
+    @property
     def equations(self):
         """The functions whose docstrings the header quotes."""
         return self._engine.equations
@@ -263,8 +268,8 @@ class Top(Described):
 
     @property
     def interval(self):
-        """Cycles from one update to the next, if they follow each other."""
-        return self.latency
+        """Cycles from one update to the next: the component's ``interval``, or without one its latency."""
+        return getattr(self._component, "interval", self.latency)
 
     def elaborate(self, platform):
         control, component = self._control, self._component

@@ -167,6 +167,10 @@ class System:
                        outputs={key: shaped(tree, name) for key, tree in self.outputs.items()},
                        integers={name(port): bits for port, bits in self.integers.items()})
 
+    def restarting(self, after):
+        """The same system with ``restart_after``; without state or status port no update is refused, and it is 0."""
+        return replace(self, restart_after=after if self.state and self.status_port else 0)
+
     @property
     def input_ports(self):
         """Names of the data inputs, in order."""

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from strapdown.blocks import SENSORS
 from strapdown.cores import CONFIGS, OpticalConfig
 from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
@@ -20,8 +19,7 @@ from strapdown_sim.errors import largest, rms
 from strapdown_sim.instrument.flights import FLIGHTS
 from strapdown_sim.instrument.pins import ADCS
 from strapdown_sim.instrument.pins import SENSORS as MODELS
-from strapdown_sim.instrument.scene import Scene
-from strapdown_sim.optical import errors_of, inertial_samples, scene_source
+from strapdown_sim.optical import flight_scene, inertial_samples, judged, scene_source
 
 __all__ = ["RUNS", "Run", "measured", "pins_table", "rules_table", "run_from_pins"]
 
@@ -53,28 +51,23 @@ def run_from_pins(run: Run, build: Path) -> dict[str, Any]:
     """Figures of a run, as JSON values."""
     config = CONFIGS[run.config].replace(**dict(run.changes))
     assert isinstance(config, OpticalConfig)
-    bench, sensor = PinBench(config, build), SENSORS[config.sensor]
-    scene = Scene(FLIGHTS[FLIGHT], pixels=sensor.pixels, pitch_um=sensor.pitch_um, exposure_s=config.exposure_us * 1e-6,
-                  duration_s=(run.lines + 2) / config.sample_rate_hz)
+    bench, scene = PinBench(config, build), flight_scene(FLIGHTS[FLIGHT], config, run.lines)
     source = scene_source(FLIGHT, scene)
     found = bench.run(run.lines, scene.image, calibration=source.calibration.ports(),
                       inertial=inertial_samples(scene, bench, run.lines))
-    twin, spots = bench.twin(found)
-    _, parts, _ = errors_of(source, found, spots)
-    decoder, frames = found.frames()
-    middles = [np.array([pair[ccd].middle_s for pair in found.seen]) for ccd in range(2)]
-    true = scene.at(middles[0]).roll_px, scene.at(middles[1]).pitch_px
-    position = np.concatenate([(own.position / 4096 - px)[own.good] for own, px in zip(spots, true, strict=True)])
+    judgement = judged(source, bench, found)
+    assert judgement.position_error_px is not None
     return {
         "config": run.name, "flight": FLIGHT, "lines": run.lines, "updates": len(found.cycle),
         "seconds": run.lines / config.sample_rate_hz, "icarus_lines": run.icarus,
         "icarus_differences": _icarus_differences(bench, scene, source, run.icarus) if run.icarus else 0,
-        "differing_bits": bench.differing_bits(found, twin), "timing_violations": len(found.pins.violations),
-        "frames": len(frames), "frames_lost": decoder.lost, "frames_differing": bench.frames_differing(frames, twin),
+        "differing_bits": judgement.differing_bits, "timing_violations": len(found.pins.violations),
+        "frames": len(judgement.frames), "frames_lost": judgement.decoder.lost,
+        "frames_differing": judgement.frames_differing,
         "line_periods": sorted({int(period) for period in np.diff(found.cycle)}),
-        "position_rms_px": rms(position),
+        "position_rms_px": rms(np.concatenate(judgement.position_error_px)),
         "errors_deg": {name: {"largest": largest(part), "rms": rms(part)}
-                       for name, part in parts.items()}}
+                       for name, part in judgement.parts.items()}}
 
 
 def _icarus_differences(bench, scene, source, lines):

@@ -1,7 +1,7 @@
 // Runs modules with models of sensors and ADCs at their pins; drivers/pins.py talks to it and says what the macros are.
 //
 // Standard input: the number of actions, each a cycle, an input and a value, in order of the cycles; the number of
-// cycles to run, and that of events after which to stop. Then the pixels of each line, when they are asked for.
+// cycles to run. Then the pixels of each line, when they are asked for.
 // Standard output: records. A record has a kind, a number and a cycle, and then numbers of 64 bits with their count.
 #include <cstdint>
 #include <cstdio>
@@ -67,7 +67,7 @@ template <typename Words> struct Channel {
         channel.transfer(dut->transfers_##side, dut->opened_##side, dut->closed_##side);                        \
     if (dut->samples_##side != channel.samples) {                                                               \
         channel.samples = dut->samples_##side;                                                                  \
-        channel.taken.push_back(cycle << 28 | uint64_t(dut->slot_##side) << 12 | dut->word_##side);                           \
+        channel.taken.push_back(cycle << 28 | uint64_t(dut->slot_##side) << 12 | dut->word_##side);     \
     }                                                                                                           \
     if (dut->ccd_violations_##side != channel.violations[0])                                                    \
         channel.violated(0, dut->ccd_violations_##side, dut->ccd_violated_##side);                              \
@@ -83,20 +83,19 @@ int main() {
     Channel<std::remove_reference_t<decltype(image_r)>> roll{0, image_r};
     Channel<std::remove_reference_t<decltype(image_p)>> pitch{1, image_p};
 
-    uint64_t count, limits[2];
+    uint64_t count, cycles;
     read(&count, sizeof count, 1);
     std::vector<uint64_t> actions(3 * count + 1);
     read(actions.data(), 3 * sizeof count, count);
     actions[3 * count] = ~uint64_t(0);
-    read(limits, sizeof *limits, 2);
+    read(&cycles, sizeof cycles, 1);
     const uint64_t *next = actions.data();
 
-    uint64_t events = 0;
     bool before = false, marked = false;
     // The receiver of the serial line: the state counts cycles until the middle of the next bit.
     uint64_t wait = 0;
     uint32_t bits = 0, byte = 0;
-    for (cycle = 0; cycle < limits[0] && events < limits[1]; cycle++) {
+    for (cycle = 0; cycle < cycles; cycle++) {
         for (; *next == cycle; next += 3) set(next[1], next[2]);
         Verilated::time(cycle * PERIOD_PS);
         dut->clk = 0;
@@ -115,7 +114,6 @@ int main() {
             roll.deliver();
             pitch.deliver();
             record(EVENT, 0, out, OUTPUT_COUNT);
-            events++;
         }
         before = dut->EVENT_PORT;
 #endif

@@ -108,8 +108,6 @@ class PinRun:
         Number of the last Line of each sensor before the first of these samples; -1 if there was none.
     bytes : bytes
         What the serial line has sent.
-    byte_cycles : ndarray of int
-        Cycle of the middle of each stop bit.
     middles : ndarray of int
         Cycles in which the strobe ``out_middle`` rose.
     violations : list of Violation
@@ -121,7 +119,6 @@ class PinRun:
     slots: np.ndarray
     line_of_event: np.ndarray
     bytes: bytes
-    byte_cycles: np.ndarray
     middles: np.ndarray
     violations: list[Violation]
 
@@ -327,8 +324,7 @@ class PinDriver(VerilatedModel):
             super().__init__(path, interface, build)
 
     def run(self, actions: Sequence[tuple[int, str, int]], image: Callable[[Line], np.ndarray], *,
-            cycles: int, events: int | None = None, delay: int = 0,
-            progress: Callable[[int], object] | None = None) -> PinRun:
+            cycles: int, delay: int = 0, progress: Callable[[int], object] | None = None) -> PinRun:
         """A run from power-up.
 
         Parameters
@@ -337,8 +333,8 @@ class PinDriver(VerilatedModel):
             Clock cycle, input, and the value that it has from this cycle on. Inputs are zero at first.
         image : callable
             Gives the pixels of a Line, integers of 12 bits, when it is moved into the register.
-        cycles, events : int
-            Clock cycles, and number of events, after which the run ends.
+        cycles : int
+            Clock cycles after which the run ends.
         delay : int
             Cycles from the last sample of a line to the event.
         progress : callable or None
@@ -351,7 +347,7 @@ class PinDriver(VerilatedModel):
         rows = self._rows(actions)
         lines: tuple[list[Line], list[Line]] = ([], [])
         found: list[np.ndarray] = []
-        cycles_of: dict[int, list[int]] = {EVENT: [], BYTE: [], MIDDLE: []}
+        cycles_of: dict[int, list[int]] = {EVENT: [], MIDDLE: []}
         received = bytearray()
         violations: list[Violation] = []
         words: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
@@ -362,8 +358,8 @@ class PinDriver(VerilatedModel):
             assert process.stdin is not None
             assert process.stdout is not None
             try:
-                limits = np.array([cycles, np.iinfo(np.uint64).max if events is None else events], dtype="<u8")
-                process.stdin.write(b"".join((len(rows).to_bytes(8, "little"), rows.tobytes(), limits.tobytes())))
+                process.stdin.write(b"".join((len(rows).to_bytes(8, "little"), rows.tobytes(),
+                                              cycles.to_bytes(8, "little"))))
                 process.stdin.flush()
                 while head := process.stdout.read(HEAD.size):
                     kind, number, cycle, count = HEAD.unpack(head)
@@ -388,12 +384,12 @@ class PinDriver(VerilatedModel):
                                                      if line.cycle < begun), -1))
                     elif kind == VIOLATION:
                         violations.append(self._violation(cycle, number, *row.tolist()))
+                    elif kind == BYTE:
+                        received.append(number >> 1 & 0xFF)
                     else:
                         cycles_of[kind].append(cycle)
                         if kind == EVENT:
                             found.append(row)
-                        elif kind == BYTE:
-                            received.append(number >> 1 & 0xFF)
             except BaseException:
                 process.kill()
                 raise
@@ -403,7 +399,7 @@ class PinDriver(VerilatedModel):
         answer = {name: values[:, column] for column, name in enumerate(interface.outputs)}
         return PinRun(lines, {"cycle": np.array(cycles_of[EVENT]), **answer}, _stacked(words, interface.pixels),
                       _stacked(slots, interface.pixels), np.array(line_of), bytes(received),
-                      np.array(cycles_of[BYTE]), np.array(cycles_of[MIDDLE]), violations)
+                      np.array(cycles_of[MIDDLE]), violations)
 
     def _rows(self, actions: Sequence[tuple[int, str, int]]) -> np.ndarray:
         """Actions as rows of cycle, number of the input, and value, in order."""

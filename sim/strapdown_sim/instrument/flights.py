@@ -5,7 +5,7 @@ acceleration of the vehicle is given in L, the specific force is what an acceler
 does not turn.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +37,10 @@ class Pulse(NamedTuple):
         return self.size * self.rise_s * (
             self._area(self._since(time_s)) - self._area(self._since(time_s) - self._plateau))
 
+    def later(self, start_s):
+        """The pulse on a clock that begins ``start_s`` later."""
+        return self._replace(start_s=self.start_s - start_s)
+
     def _since(self, time_s):
         return (np.asarray(time_s, float) - self.start_s) / self.rise_s
 
@@ -64,6 +68,10 @@ class Wave(NamedTuple):
     def value(self, time_s):
         """Value, shape of ``time_s``."""
         return self.size * np.sin(2 * np.pi * self.hz * np.asarray(time_s, float) + self.phase)
+
+    def later(self, start_s):
+        """The wave on a clock that begins ``start_s`` later."""
+        return self._replace(phase=self.phase + 2 * np.pi * self.hz * start_s)
 
 
 class Motion(NamedTuple):
@@ -139,6 +147,14 @@ class Flight:
         f_l = np.stack([total(self.forward), total(self.right) + centripetal,
                         np.full(times.shape, -GRAVITY_M_S2)], axis=-1)
         return Motion(roll, pitch, heading, yaw_rate, f_l, body_from_level(f_l, roll, pitch))
+
+    def later(self, start_s: float) -> "Flight":
+        """The rest of the flight, from ``start_s`` on: time 0 is there."""
+        def rest(parts):
+            return tuple(part.later(start_s) for part in parts)
+
+        return replace(self, duration_s=self.duration_s - start_s, roll=rest(self.roll), pitch=rest(self.pitch),
+                       forward=rest(self.forward), right=rest(self.right), turns=rest(self.turns))
 
     def lines(self, rate_hz: float | None = None) -> Lines:
         """All whole line periods of the flight, by default at ``self.rate_hz``."""

@@ -3,6 +3,8 @@
 import os
 import zipfile
 import zlib
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,24 +14,33 @@ from .recording import RecordingError
 
 __all__ = ["read_lines"]
 
-def read_lines(path: str | os.PathLike, pixels: int) -> np.ndarray:
+BIT_DEPTH = 24
+"""Place of the bit depth in a PNG file, in the chunk IHDR, which is the first."""
+
+
+def read_lines(path: str | os.PathLike, pixels: int, full_scale: int | None = None) -> np.ndarray:
     """Lines of the roll and of the pitch sensor, counts of 12 bits, light positive: shape (2, N, pixels) of uint16.
 
     Parameters
     ----------
     path : path-like
         ``.npz``: arrays ``roll`` and ``pitch``, a row for each line. ``.csv``, without a header, and ``.png``: a row
-        for each line, with the pixels of the roll sensor and then those of the pitch sensor. White is full scale.
+        for each line, with the pixels of the roll sensor and then those of the pitch sensor. Counts are whole numbers.
     pixels : int
         Pixels of a sensor.
+    full_scale : int or None
+        Value in a picture that stands for the count 4095; its counts are rounded. By default white does: 255, or 65535
+        with 16 bits. A picture of 16 bits with no value above 4095 needs it, because its values may be counts.
 
     Raises: RecordingError.
     """
     path = Path(path)
-    readers = {".npz": _npz, ".csv": _csv, ".png": _png}
+    readers: dict[str, Callable] = {".npz": _npz, ".csv": _csv, ".png": partial(_png, full_scale=full_scale)}
     if path.suffix.lower() not in readers:
         raise RecordingError(f"{path}: suffix {path.suffix.lower()!r} is not known; lines are in .npz, .csv or .png "
                              "files")
+    if full_scale is not None and path.suffix.lower() != ".png":
+        raise RecordingError(f"{path}: holds counts; only pictures have a full scale")
     try:
         roll, pitch = readers[path.suffix.lower()](path)
     except OSError as error:
@@ -43,10 +54,13 @@ def read_lines(path: str | os.PathLike, pixels: int) -> np.ndarray:
         if lines.min() < 0 or lines.max() > FULL_SCALE:
             raise RecordingError(f"{path}: the {name} sensor has counts from {lines.min():g} to {lines.max():g}; "
                                  f"they must be from 0 to {FULL_SCALE}")
+        if (fractions := lines[lines != np.rint(lines)]).size:
+            raise RecordingError(f"{path}: the {name} sensor has the count {fractions[0]:g}; counts must be whole "
+                                 "numbers, so round them")
     if len(roll) != len(pitch):
         raise RecordingError(f"{path}: {len(roll)} lines of the roll sensor and {len(pitch)} of the pitch sensor; "
                              "cut the longer one")
-    return np.rint([roll, pitch]).astype(np.uint16)
+    return np.array([roll, pitch]).astype(np.uint16)
 
 
 def _npz(path):
@@ -72,7 +86,7 @@ def _csv(path):
     return _halves(table)
 
 
-def _png(path):
+def _png(path, full_scale):
     from matplotlib.image import imread
 
     try:
@@ -81,7 +95,14 @@ def _png(path):
         raise RecordingError(f"{path}: not a PNG picture") from None
     if picture.ndim != 2:
         raise RecordingError(f"{path}: the picture has colours; it must be grey")
-    return _halves(picture * float(FULL_SCALE))
+    # The picture's values are those in the file, over the largest that their bits can hold.
+    white = 0xFFFF if path.read_bytes()[BIT_DEPTH] == 16 else 0xFF
+    values = np.rint(picture * float(white))
+    if full_scale is None and white > FULL_SCALE >= values.max():
+        raise RecordingError(f"{path}: a picture of 16 bits with no value above {values.max():.0f}; say what is full "
+                             f"scale: --full-scale {FULL_SCALE} if the values are counts of 12 bits, --full-scale "
+                             f"{white} if not")
+    return _halves(np.rint(values * (FULL_SCALE / (full_scale or white))))
 
 
 def _halves(rows):
