@@ -12,10 +12,11 @@ __all__ = ["attitude_picture", "outputs_picture"]
 _ANGLES = "roll", "pitch", "yaw"
 _ANGLE_COLOURS = "#3366aa", "#cc6633", "#448855"
 _HARDWARE, _REFERENCE, _DEVICE, _GRID = "#10243e", "#8fc1ea", "#e0a458", "#e4e4e4"
+_GAP = "#f3c6c6"
 _ENVELOPE_POINTS = 600
 
 
-def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation, device=None,
+def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation, device=None, bridged=(),
                      labels=("hardware", "float64 reference", "the device's own estimate")):
     """Draw three Euler angles over time and, below them, hardware against the reference model.
 
@@ -33,6 +34,8 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
         Angle of the rotation from the reference model's attitude to the hardware's, degrees.
     device : ndarray, shape (N, 3), optional
         A third estimate of the same angles; NaN where it has no value.
+    bridged : sequence of (float, float)
+        Ends of the gaps of the recording, seconds; drawn as bands.
     labels : sequence of str
         Names of hardware, reference model and third estimate, for the legend.
 
@@ -70,6 +73,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
                       title=f"{labels[0]} against {labels[1]}; roll and yaw have little meaning near a pitch of 90°")
 
     for axes in (*panels, difference):
+        _bands(axes, bridged)
         axes.grid(color=_GRID, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
@@ -81,7 +85,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
 
-def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings):
+def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings, bridged=()):
     """Draw outputs of a core over time, each in one panel, with those of the reference model behind them.
 
     Parameters
@@ -96,6 +100,8 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
         Map each output port to numbers, shape (N,).
     meanings : dict
         Maps each output port to its meaning, with the unit.
+    bridged : sequence of (float, float)
+        Ends of the gaps of the recording, seconds; drawn as bands.
 
     Notes
     -----
@@ -109,6 +115,7 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
         handles = [*axes.plot(time_s, drawn(values), color=_HARDWARE, linewidth=0.8, zorder=3),
                    *axes.plot(time_s, drawn(reference_model[port]), color=_REFERENCE, linewidth=3.2, zorder=2)]
         axes.set_ylabel(port.removeprefix("out_"))
+        _bands(axes, bridged)
         axes.set_title(meanings[port], loc="left", fontsize="small", color="0.35")
         axes.grid(color=_GRID, linewidth=0.6)
         axes.set_axisbelow(True)
@@ -120,6 +127,12 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings)
     figure.legend(handles, ["hardware", "kernel in float64"], loc="outside lower right", ncols=2, frameon=False,
                   fontsize="small")
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
+
+
+def _bands(axes, bridged):
+    """Bands over the stretches of time in which samples were filled in."""
+    for start, end in bridged:
+        axes.axvspan(start, end, color=_GAP, linewidth=0.4, zorder=0)
 
 
 def _without_jumps(angle):

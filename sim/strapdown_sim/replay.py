@@ -63,7 +63,9 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
     The core is generated for the recording's sample rate. Its inputs ``a`` (m/s^2), ``m`` (uT) and ``g``
-    (deg/s), by the kernel's names, come from the recording; ``constant_inputs`` of the configuration gives all others.
+    (deg/s), by the kernel's names, come from the recording, and so do ``period`` (s) and ``mag_valid`` in a
+    configuration that can have these inputs, unless it says that it has none. ``constant_inputs`` of the configuration
+    gives all others.
     The function writes the core's ``.v`` and ``.json``, ``summary.json``, and
 
     - for a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
@@ -104,19 +106,24 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     module = main_module(config)
     if module in config.assemblies():
         raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
-    config = config.replace(sample_rate_hz=recording.sample_rate_hz)
+    config = _for_recording(config, recording)
     if config.channels > 1:
         raise ConfigError(f"{module} takes the samples of {config.channels} sensors, and a recording has one: "
                           "replay it with channels=1")
     mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
     vectors = {"a": recording.accel, "m": mag, "g": recording.gyro_deg_s} | config.constant_inputs()
     system = system_of(module, config)
+    timed = {name: values for name, values in (("period", recording.period_s), ("mag_valid", recording.mag_new))
+             if values is not None and name in system.inputs}
+    vectors |= timed
     if unknown := [name for name in system.inputs if name not in vectors]:
         raise ConfigError(f"{module} has an input {unknown[0]!r}, and a recording has only a, m and g: give it a value "
                           f"in constant_inputs of {type(config).__name__}")
     core = make_core(module, config)
     if command:
-        command = [*command, "--module", module, "--set", f"sample_rate_hz={recording.sample_rate_hz!r}"]
+        inputs_set = (word for name in TIMED_INPUTS if getattr(config, name, False)
+                      for word in ("--set", f"{name}=true"))
+        command = [*command, "--module", module, "--set", f"sample_rate_hz={recording.sample_rate_hz!r}", *inputs_set]
     with written_together(Path(directory)) as partial:
         model = CoreModel(core, write_core(core, config, partial, shlex.join(command)), build)
         progress("build", 1, 1)
@@ -139,16 +146,44 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
             "updates_by_status": status,
             "bits_differing_from_twin": differing,
         }
+        if recording.timing is not None:
+            summary["time"] = _time_summary(recording.timing, "period" in timed)
+        if recording.notes:
+            summary["notes"] = list(recording.notes)
         title = f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz"
         if module in REFERENCES:
+            arguments = {_REFERENCE_ARGUMENTS[name]: values for name, values in timed.items()}
             found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
-                recording.accel, mag, recording.gyro_deg_s), partial, title, summary)
+                recording.accel, mag, recording.gyro_deg_s, **arguments), partial, title, summary)
         else:
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
                                               encoding="utf-8")
     progress("compare", 2, 2)
     return found
+
+
+TIMED_INPUTS = {"period_input": "period_s", "mag_valid_input": "mag_new"}
+"""Fields of a configuration that give its core an input, and the part of a recording that feeds it."""
+
+_REFERENCE_ARGUMENTS = {"period": "period_s", "mag_valid": "mag_valid"}
+"""Kernel's name of such an input to the argument of the reference."""
+
+
+def _for_recording(config, recording):
+    """The configuration with the recording's rate, and with the inputs of TIMED_INPUTS unless it says otherwise."""
+    inputs = {name: True for name, part in TIMED_INPUTS.items()
+              if name in type(config).model_fields and name not in config.model_fields_set
+              and getattr(recording, part) is not None}
+    return config.replace(sample_rate_hz=recording.sample_rate_hz, **inputs)
+
+
+def _time_summary(timing, fed):
+    """Time of a recording for ``summary.json``; ``fed``: the core gets each sample's period."""
+    return {"faults": timing.faults, "bridged_s": [list(ends) for ends in timing.bridged],
+            "longest_gap_s": timing.longest_gap_s, "bridge_error_deg": timing.bridge_error_deg,
+            "each_sample_has_its_period": fed,
+            "one_rate_error_deg": 0.0 if fed else timing.one_rate_error_deg}
 
 
 def _status_counts(engine, result):
@@ -190,6 +225,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
     attitude_picture(
         directory / "attitude.png", title=title, time_s=recording.time_s, hardware=angles,
         reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1), rotation=difference,
+        bridged=_bridged(recording),
         device=None if recording.reference is None else device,
         labels=("hardware", "float64 reference", recording.reference.meaning if recording.reference else ""))
     return Replay(outputs, summary, quaternion, angles)
@@ -207,8 +243,12 @@ def _outputs(recording, system, result, truth, directory, title, summary):
     outputs_picture(
         directory / "outputs.png", title=title, time_s=recording.time_s,
         hardware={port: result[port] for port in system.output_ports}, reference_model=truth,
-        meanings=system.port_meanings)
+        meanings=system.port_meanings, bridged=_bridged(recording))
     return Replay(system.read(result), summary)
+
+
+def _bridged(recording):
+    return () if recording.timing is None else recording.timing.bridged
 
 
 def _write_csv(path, time_s, columns):

@@ -67,34 +67,40 @@ def replaced(line, column, value):
 
 
 @pytest.mark.parametrize(("head", "body", "message"), [
-    ([*header()[:-1], "Colour"], rows(), "column 'Colour' is not known; columns are Time, Packet number, Gyroscope X"),
+    ([*header()[:-1], "Colour"], rows(), "no column 'Magnetometer Z'; add it, or name it with --columns mag_z=NAME"),
     ([*header()[:-1], header()[1]], rows(), "column 'Gyroscope X' appears twice; delete one"),
-    (header()[:9], [row[:9] for row in rows()], "no column 'Magnetometer Z'; add it"),
-    (header()[1:], [row[1:] for row in rows()], "no column 'Time'; add it"),
-    (header(Gyroscope="furlong"), rows(), "column 'Gyroscope X': unit 'furlong' is not known; units are deg/s, rad/s, "
-                                          "in parentheses after the name"),
-    ([name.split(" (")[0] for name in header()], rows(), "column 'Time': unit 'missing' is not known; time is in "
-                                                         "seconds, (s)"),
+    (header()[:9], [row[:9] for row in rows()], "no column 'Magnetometer Z'; add it, or name it with --columns "
+                                                "mag_z=NAME"),
+    (header()[1:], [row[1:] for row in rows()], "no column 'Time'; add it, name it with --columns time=NAME:UNIT, or "
+                                                "give the rate of the rows with --rate HZ"),
+    (["Time (s)", "Roll", "Pitch"], [[k / 100, 1, 2] for k in range(4)],
+     "no column 'Gyroscope X'; the columns are Time (s), Roll, Pitch: name it with --columns gyro_x=NAME:UNIT"),
+    (header(Gyroscope="furlong"), rows(),
+     "column 'Gyroscope X': unit 'furlong' is not known; units are deg/s, rad/s, mdeg/s, mrad/s, in parentheses after "
+     "the name, or after a colon in --columns gyro_x=Gyroscope X (furlong):deg/s"),
+    ([name.split(" (")[0] for name in header()], rows(),
+     "column 'Time': unit 'missing' is not known; units are s, ms, us, ns, min, in parentheses after the name, or "
+     "after a colon in --columns time=Time:ms"),
     ([*header()[:3], "Gyroscope Z (rad/s)", *header()[4:]], rows(), "Gyroscope axes have units deg/s, deg/s, rad/s; "
                                                                     "use one for all"),
-    (header(), replaced(2, 4, "nan"), "line 4, column 'Accelerometer X (g)': nan is not finite; correct or delete the "
-                                      "line"),
-    (header(), replaced(1, 1, "inf"), "line 3, column 'Gyroscope X (deg/s)': inf is not finite; correct or delete the "
-                                      "line"),
-    (header(), replaced(0, 9, ""), "line 2, column 'Magnetometer Z (uT)': '' is not a number; correct or delete the "
-                                   "line"),
     (header(), replaced(0, 9, "1;2"), "line 2, column 'Magnetometer Z (uT)': '1;2' is not a number; correct or delete "
                                       "the line"),
     (header(), [*rows(), ["0.04", "1"]], "line 6 has 2 cells, the header 10; complete or delete it"),
     (header(), rows(1), "1 rows of numbers; at least 2 are needed"),
-    ([""], [], "line 1 holds no column names"),
-    (header(), replaced(3, 0, "0.05"), "line 5: gap of 0.03 s after 0.02 s, where steps are 0.01 s; fill it in or cut "
-                                       "the recording there"),
-    (header(), replaced(3, 0, "0.02"), "line 5: time goes from 0.02 s to 0.02 s; it must increase"),
+    (header(), [], "0 rows of numbers; at least 2 are needed"),
+    (rows()[0], rows(), "line 1 holds numbers, and no line before it names 10 columns"),
+    (header(), [["0.5", *row[1:]] for row in rows()], "line 3: time does not increase"),
+    (header(), [[k * 10, *row[1:]] for k, row in enumerate(rows())],
+     "samples are 10 s apart; if that is ms or us, name the unit in the header, as in Time (ms), or with --columns "
+     "time=NAME:ms"),
     (header(Accelerometer="m/s^2"), rows(), "the median specific force is 0.102 g; is the unit of the accelerometer "
                                             "m/s^2?"),
     (header(), [[*row[:6], "9.8", *row[7:]] for row in rows()], "the median specific force is 9.8 g; is the unit of "
                                                                 "the accelerometer g?"),
+    (header(), [[*row[:6], "0.02", *row[7:]] for row in rows()],
+     "the median specific force is 0.02 g: gravity was removed from it (linear acceleration); record the accelerometer "
+     "with gravity"),
+    (header(), [[*row[:6], "0", *row[7:]] for row in rows()], "the accelerometer has no samples"),
     (header("Packet number"), [[k * 9, *row[1:]] for k, row in enumerate(rows())],
      "line 3: packet number goes from 0 to 9: rows out of order or missing; sort them or cut the file there"),
     ([*header(), "Packet number"], [[*row, k] for k, row in enumerate(rows())],
@@ -132,10 +138,16 @@ def test_a_reference_that_does_not_go_with_an_export_is_refused(file, tmp_path, 
     assert str(error.value) == f"{device}: {message}"
 
 
-def test_other_suffixes_are_refused(tmp_path):
-    (tmp_path / "flight.bin").touch()
-    with pytest.raises(RecordingError, match=r"suffix '\.bin' is not known; recordings are \.csv or \.npz files$"):
-        read_recording(tmp_path / "flight.bin")
+@pytest.mark.parametrize(("data", "message"), [
+    (b"\x7fELF\0\0\1", "not a log of a known format; they are NumPy archive, "),
+    (b"", "the file is empty"),
+])
+def test_a_file_of_another_kind_is_refused(tmp_path, data, message):
+    path = tmp_path / "flight.bin"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError) as error:
+        read_recording(path)
+    assert str(error.value).startswith(f"{path}: {message}")
 
 
 def test_missing_file_is_refused(tmp_path):
@@ -156,9 +168,9 @@ def test_npz(tmp_path):
     ({"gyro": None}, "no array 'gyro'; add it"),
     ({"gyro": np.full((5, 2), 0.1)}, r"array 'gyro' must hold numbers in shape (5, 3), not float64 in (5, 2)"),
     ({"gyro": np.full((1, 3), 0.1)}, "1 samples; at least 2 are needed"),
-    ({"accel": np.full((5, 3), np.nan)}, "array 'accel', index [0, 0]: nan is not finite; correct or cut it"),
+    ({"accel": np.full((5, 3), np.nan)}, "the accelerometer has no samples"),
     ({"fs": 50.0}, "array 'fs' says 50 Hz, array 't' 100 Hz; correct one"),
-    ({"t": np.array([0, 1, 2, 3, 9]) / 100}, "array 't', index 4: gap of 0.06 s after 0.03 s"),
+    ({"t": np.array([0, 1, 2, 3, 1103]) / 100}, "array 't', index 4: gap of 11 s after 0.03 s"),
 ])
 def test_npz_that_is_refused(tmp_path, changes, message):
     path = npz(tmp_path / "r.npz", **changes)
@@ -193,3 +205,208 @@ def test_shared_recordings(shared_recordings):
         recording = read_recording(path)
         assert recording.sample_rate_hz > 90
         assert (recording.mag is None) == path.name.startswith("ins_")
+
+
+def table(path, rows, names=None, delimiter=","):
+    """A file of rows of text."""
+    head = names or [*header()[:7]]
+    path.write_text("\n".join(delimiter.join(row) for row in (head, *rows)) + "\n", encoding="utf-8")
+    return path
+
+
+def still(time, gyro="0,0,0", accel="0,0,1"):
+    return [time, *gyro.split(","), *accel.split(",")]
+
+
+def test_each_sample_has_its_own_period(file):
+    times = ["0", "0.01", "0.02", "0.03", "0.035", "0.04", "0.045"]
+    recording = read_recording(table(file, [still(time, "0,0,90") for time in times]))
+    assert recording.period_s == pytest.approx([0.01, 0.01, 0.01, 0.01, 0.005, 0.005, 0.005])
+    assert recording.timing.faults == {}
+    # At 90 deg/s one period of 7.5 ms in place of 10 and 5 ms is behind by 90 · 4 · 2.5 ms after four samples.
+    assert recording.timing.one_rate_error_deg == pytest.approx(0.9)
+
+
+def test_a_lost_sample_is_filled_in_on_a_line(file):
+    rows = [still(f"{k / 100}", f"{k},0,0", f"0,{k / 100},1") for k in range(30) if k != 12]
+    recording = read_recording(table(file, rows))
+    assert recording.timing.faults == {"gaps, bridged": 1, "samples lost, filled in on a line": 1}
+    assert recording.timing.bridged == ((0.11, 0.13),)
+    assert recording.timing.longest_gap_s == pytest.approx(0.02)
+    # The rate changes by 2 deg/s across 20 ms: at most 1 deg/s of it is wrong.
+    assert recording.timing.bridge_error_deg == pytest.approx(0.02)
+    assert len(recording.time_s) == 30
+    assert recording.gyro_deg_s[12] == pytest.approx([12, 0, 0])
+    assert recording.accel[12, 1] == pytest.approx(0.12 * 9.80665)
+    assert recording.period_s == pytest.approx([0.01] * 30)
+
+
+def test_a_gap_in_motion_that_is_too_long_is_refused_and_the_remedy_works(file):
+    times = np.concatenate([np.arange(100), 500 + np.arange(300)]) / 100
+    path = table(file, [still(f"{t}", f"{10 * t},0,0") for t in times])
+    with pytest.raises(RecordingError) as error:
+        read_recording(path)
+    assert str(error.value) == (f"{file}: line 102: gap of 4.01 s after 0.99 s, across which the angles can be off by "
+                                "80°; replay a part without it: --from 5 is the longest")
+    assert len(read_recording(path, start_s=5).time_s) == 300
+    assert len(read_recording(path, stop_s=0.99).time_s) == 100
+
+
+def test_a_gap_at_rest_is_bridged(file):
+    times = np.concatenate([np.arange(100), 500 + np.arange(300)]) / 100
+    recording = read_recording(table(file, [still(f"{t}") for t in times]))
+    assert recording.timing.longest_gap_s == pytest.approx(4.01)
+    assert len(recording.time_s) == 800
+
+
+def test_two_recordings_in_one_file_are_refused_and_the_remedy_works(file):
+    times = np.concatenate([np.arange(100), np.arange(80)]) / 100
+    path = table(file, [still(f"{t}") for t in times])
+    with pytest.raises(RecordingError, match=r"line 102: time starts again, after 0\.99 s: two recordings in one file; "
+                                             r"take the first with --to 0\.99, or split it there$"):
+        read_recording(path)
+    assert len(read_recording(path, stop_s=0.99).time_s) == 100
+
+
+def test_a_part_without_samples_is_refused(file):
+    with pytest.raises(RecordingError, match=r"0 samples between --from and --to; the log goes from 0 to 0\.03 s$"):
+        read_recording(write(file, header(), rows()), start_s=9)
+
+
+def test_gyro_cells_without_a_number_are_bridged(file):
+    body = [still(f"{k / 100}", f"{k},0,0") for k in range(20)]
+    body[5][1], body[9][2] = "nan", ""
+    recording = read_recording(table(file, body))
+    assert recording.timing.faults["gyro samples that are not numbers, bridged"] == 2
+    assert recording.gyro_deg_s[:, 0] == pytest.approx(np.arange(20))
+
+
+def with_field(count, field):
+    """Rows with a field; ``field(k)`` gives its three cells."""
+    return [[*still(f"{k / 100}"), *field(k)] for k in range(count)]
+
+
+@pytest.mark.parametrize("empty", [["", "", ""], ["nan", "nan", "nan"], ["0", "0", "0"]])
+def test_rows_without_a_field(file, empty):
+    field = ["20", "0", "-40"]
+    recording = read_recording(table(file, with_field(9, lambda k: empty if k % 3 else field), header()))
+    assert recording.mag_new.tolist() == [k % 3 == 0 for k in range(9)]
+    assert recording.mag[0].tolist() == [20, 0, -40]
+    assert recording.mag[1].tolist() == [0, 0, 0]
+
+
+def test_a_field_that_rows_repeat_is_new_once(file):
+    # 20 Hz in rows of 100 Hz; from row 50 on at rest, where the value is new all the same.
+    recording = read_recording(table(file, with_field(100, lambda k: [str(min(k, 50) // 5), "0", "-40"]), header()))
+    assert np.flatnonzero(recording.mag_new).tolist() == list(range(0, 100, 5))
+    assert (recording.mag[~recording.mag_new] == 0).all()
+    assert recording.notes == ("magnetometer: 20 samples, 20 Hz; each is used once",)
+
+
+def test_a_field_that_some_rows_repeat_stays_for_cores_without_flags(file):
+    recording = read_recording(table(file, with_field(90, lambda k: [str(2 * k // 3), "1", "-40"]), header()))
+    assert recording.mag_new.sum() == 60
+    assert (recording.mag[:, 1] == 1).all()
+
+
+def test_a_coarse_field_at_rest_is_new_in_every_row(file):
+    noise = np.random.default_rng(1).integers(0, 2, 200)
+    recording = read_recording(table(file, with_field(200, lambda k: [str(20 + noise[k]), "0", "-40"]), header()))
+    assert recording.mag_new.all()
+
+
+def test_a_force_that_rows_repeat_is_interpolated(file):
+    recording = read_recording(table(file, [still(f"{k / 100}", accel=f"0,{k // 4 * 4 / 1000},1") for k in range(40)]))
+    assert recording.accel[:37, 1] == pytest.approx(np.arange(37) / 1000 * 9.80665)
+
+
+def test_columns_that_are_not_known_are_left_out(file):
+    recording = read_recording(table(file, [[*still(f"{k / 100}"), "1000", "red"] for k in range(4)],
+                                     [*header()[:7], "Barometer (hPa)", "Colour"]))
+    assert recording.notes == ("columns not used: Colour",)
+
+
+@pytest.mark.parametrize(("time", "cells"), [
+    ("Timestamp (us)", ["0", "10000", "20000"]), ("t [ms]", ["5", "15", "25"]), ("time (ns)", ["0", "1e7", "2e7"]),
+    ("timestamp", ["1700000000.00", "1700000000.01", "1700000000.02"]),
+    ("timestamp", ["1700000000000", "1700000000010", "1700000000020"]),
+    ("time_us", ["7", "10007", "20007"]),
+])
+def test_units_of_time(file, time, cells):
+    recording = read_recording(table(file, [still(cell) for cell in cells], [time, *header()[1:7]]))
+    assert recording.sample_rate_hz == pytest.approx(100, rel=1e-4)
+
+
+@pytest.mark.parametrize(("unit", "kind", "number", "value"), [
+    ("°/s", "Gyroscope", "2", 2), ("dps", "Gyroscope", "2", 2), ("rad s^-1", "Gyroscope", "1", np.degrees(1)),
+    ("mdps", "Gyroscope", "2000", 2), ("m/s²", "Accelerometer", "9.8", 9.8), ("mg", "Accelerometer", "1000", 9.80665),
+    ("m s^-2", "Accelerometer", "9.8", 9.8), ("µT", "Magnetometer", "40", 40), ("gauss", "Magnetometer", "0.4", 40),
+    ("T", "Magnetometer", "4e-5", 40), ("mG", "Magnetometer", "400", 40),
+])
+def test_spellings_of_units(file, unit, kind, number, value):
+    body = [[f"{k / 100}", *(number if kind in name else "1" for name in header()[1:])] for k in range(3)]
+    if kind != "Accelerometer":
+        body = [[*row[:4], "0", "0", "1", *row[7:]] for row in body]
+    else:
+        body = [[*row[:4], "0", "0", number, *row[7:]] for row in body]
+    recording = read_recording(table(file, body, header(**{kind: unit})))
+    values = {"Gyroscope": recording.gyro_deg_s, "Accelerometer": recording.accel, "Magnetometer": recording.mag}[kind]
+    assert values[0, 2] == pytest.approx(value)
+
+
+@pytest.mark.parametrize(("text", "rate"), [
+    ("Time (s);gx (dps);gy (dps);gz (dps);ax (g);ay (g);az (g)\n0,00;1,5;0;0;0;0;1\n0,01;1,5;0;0;0;0;1\n", 100),
+    ("\ufeff# made by hand\n# rate 100\nTime (s)\tgx (dps)\tgy (dps)\tgz (dps)\tax (g)\tay (g)\taz (g)\n"
+     "0\t1.5\t0\t0\t0\t0\t1\n0.01\t1.5\t0\t0\t0\t0\t1\t\n", 100),
+    ("#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],"
+     "a_RS_S_z [m s^-2]\n1403636579758555392,0.0261799388,0,0,9.8,0,0\n"
+     "1403636579763555584,0.0261799388,0,0,9.8,0,0\n", 200),
+    ("time,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z\n"
+     "s,deg/s,deg/s,deg/s,g,g,g\n0,1.5,0,0,0,0,1\n0.01,1.5,0,0,0,0,1\n", 100),
+    ("time_ms gyro_x_dps gyro_y_dps gyro_z_dps accel_x_g accel_y_g accel_z_g\n"
+     "0 1.5 0 0 0 0 1\n10 1.5 0 0 0 0 1\n", 100),
+    ("gyro_z_dps,time_ms,gyro_x_dps,gyro_y_dps,accel_x_g,accel_y_g,accel_z_g\n"
+     "0,0,1.5,0,0,0,1\n0,10,1.5,0,0,0,1\n", 100),
+])
+def test_kinds_of_tables(file, text, rate):
+    file.write_text(text, encoding="utf-8")
+    recording = read_recording(file)
+    assert recording.sample_rate_hz == pytest.approx(rate, rel=1e-4)
+    assert recording.gyro_deg_s[0] == pytest.approx([1.5, 0, 0])
+    assert np.linalg.norm(recording.accel[0]) == pytest.approx(9.8, abs=0.01)
+
+
+def test_columns_are_named_by_hand(file):
+    table(file, [[f"{k}", "1", "2", "3", "0", "0", "1000"] for k in range(0, 40, 10)],
+          ["T", "p1", "p2", "p3", "A1", "A2", "A3"])
+    columns = {"time": "T:ms"} | {f"gyro_{axis}": f"p{k}:dps" for k, axis in enumerate("xyz", 1)}
+    columns |= {f"accel_{axis}": f"A{k}:mg" for k, axis in enumerate("xyz", 1)}
+    recording = read_recording(file, columns=columns)
+    assert recording.gyro_deg_s[0].tolist() == [1, 2, 3]
+    assert recording.accel[0] == pytest.approx([0, 0, 9.80665])
+    with pytest.raises(RecordingError, match=r"--columns gyro_x=p9: no column is called so; they are T, p1"):
+        read_recording(file, columns={"gyro_x": "p9"})
+    with pytest.raises(RecordingError, match=r"--columns: 'gyro_q' is no quantity; they are time, gyro_x"):
+        read_recording(file, columns={"gyro_q": "p1"})
+
+
+def test_rows_without_time_take_a_rate(file):
+    recording = read_recording(table(file, [still("0")[1:]] * 5, header()[1:7]), sample_rate_hz=50)
+    assert recording.time_s == pytest.approx(np.arange(5) / 50)
+    assert recording.period_s is None
+
+
+def test_rates_that_no_gyro_measures_are_told(file):
+    recording = read_recording(table(file, [still(f"{k / 100}", "0,0,5000") for k in range(4)]))
+    assert recording.notes == ("rates up to 5,000 deg/s are more than any gyro of this kind measures: is the unit "
+                               "deg/s?",)
+
+
+def test_options_of_other_formats_are_refused(tmp_path):
+    path = npz(tmp_path / "r.npz")
+    with pytest.raises(RecordingError, match=r"only text files have columns to name; leave out --columns$"):
+        read_recording(path, columns={"time": "t"})
+    with pytest.raises(RecordingError, match=r"the file has one log; leave out --log$"):
+        read_recording(path, log="1")
+    with pytest.raises(RecordingError, match=r"--imu 3 is not in the log; it has 0 \(gyro\)$"):
+        read_recording(path, imu="3")

@@ -1,5 +1,6 @@
-"""The command ``strapdown replay``."""
+"""The command ``strapdown replay``, and the options of commands that read logs."""
 
+from functools import wraps
 from pathlib import Path
 
 import click
@@ -9,24 +10,55 @@ from strapdown.config import ConfigError
 from .common import UserError, config_options, show_table, target_of, writing
 from .progress import progress_of_stages
 
-__all__ = ["replay"]
+__all__ = ["log_options", "replay"]
+
+
+def log_options(function):
+    """The options that say what of a log is read: argument ``choice`` of the command, options of ``read_recording``."""
+    options = (
+        click.option("--rate", "sample_rate_hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ",
+                     help="Sample rate of a file without time stamps, such as an x-IMU export."),
+        click.option("--imu", metavar="NAME|NUMBER", help="Inertial sensor of several in a log.  [default: the first]"),
+        click.option("--mag", metavar="NAME|NUMBER", help="Magnetometer of several in a log.  [default: the first]"),
+        click.option("--log", metavar="NUMBER", help="Log of several in a file.  [default: the longest]"),
+        click.option("--columns", multiple=True, metavar="QUANTITY=NAME[:UNIT]",
+                     help="Column of a text file for time, gyro_x, accel_z, mag_y, ..., as in --columns time=T:ms. May "
+                          "be repeated."),
+        click.option("--from", "start_s", type=float, metavar="S", help="Leave out the first S seconds of the log."),
+        click.option("--to", "stop_s", type=float, metavar="S", help="Leave out what comes after S seconds."))
+
+    @wraps(function)
+    def command(sample_rate_hz, imu, mag, log, columns, start_s, stop_s, **arguments):
+        choice = {"sample_rate_hz": sample_rate_hz, "imu": imu, "mag": mag, "log": log, "columns": _pairs(columns),
+                  "start_s": start_s, "stop_s": stop_s}
+        return function(choice={name: value for name, value in choice.items() if value is not None}, **arguments)
+
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _pairs(columns):
+    """Quantity to column, from words QUANTITY=NAME; None without any. Raises: UserError."""
+    if wrong := [pair for pair in columns if "=" not in pair]:
+        raise UserError(f"--columns takes QUANTITY=NAME, as in --columns gyro_x=wx:dps, not {wrong[0]!r}")
+    return dict(pair.split("=", 1) for pair in columns) or None
 
 
 @click.command()
-@click.argument("recording", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("recording", type=click.Path(exists=True, path_type=Path))
 @config_options
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), required=True,
               help="Folder for the results (CSV, JSON, PNG) and the Verilog.")
-@click.option("--rate", "sample_rate_hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ",
-              help="Sample rate of an x-IMU export, which does not contain one.")
+@log_options
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def replay(recording, config_name, changes, output, sample_rate_hz, build):
+def replay(recording, config_name, changes, output, choice, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
-    RECORDING is a CSV file with units in its header, an x-IMU export, or an .npz archive; see
-    docs/recordings.md. The core is generated for the recording's sample rate. It is INS_top, INS_flight, or your own
-    core, if the inputs of its kernel are called a (specific force), m (magnetic field) and g (angular rate).
+    RECORDING is a log of one of the formats of docs/recordings.md; 'strapdown inspect' shows what is in it. The core is
+    generated for the recording's sample rate; INS_flight gets the period of each sample. It is INS_top, INS_flight, or
+    your own core, if the inputs of its kernel are called a (specific force), m (magnetic field) and g (angular rate).
     """
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.recordings import RecordingError, read_recording
@@ -34,9 +66,11 @@ def replay(recording, config_name, changes, output, sample_rate_hz, build):
 
     config, _, options = target_of(None, config_name, changes)
     try:
-        data = read_recording(recording, sample_rate_hz=sample_rate_hz)
+        data = read_recording(recording, **choice)
     except RecordingError as error:
         raise UserError(str(error)) from None
+    for note in data.notes:
+        click.echo(f"strapdown: note: {note}", err=True)
     labels = {"build": "generate and compile", "simulate": "simulate, samples", "compare": "compare"}
     with progress_of_stages(labels) as progress:
         try:
@@ -58,6 +92,7 @@ def _print_summary(summary, output):
             ("samples", f"{summary['samples']:,}"),
             ("cycles per update", str(summary["cycles_per_update"])),
             ("microseconds at 100 MHz", f"{summary['microseconds_per_update_at_100_mhz']:.2f}")]
+    rows += _time_rows(summary.get("time"))
     if attitude := summary.get("against_float64_reference_deg"):
         rows += [("largest rotation angle to float64", _figure(attitude["max"], ".6f", "°")),
                  ("RMS rotation angle to float64", _figure(attitude["rms"], ".6f", "°"))]
@@ -77,6 +112,20 @@ def _print_summary(summary, output):
                      f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample"))
     rows.append(("written to", str(output)))
     show_table(rows)
+
+
+def _time_rows(time):
+    """What was wrong with the time stamps of a recording, and what it means for the angles."""
+    if time is None:
+        return []
+    rows = [(name, f"{count:,}") for name, count in time["faults"].items()]
+    if time["bridged_s"]:
+        rows.append(("longest gap bridged", f"{1000 * time['longest_gap_s']:.4g} ms; angles can be off by "
+                                            f"{time['bridge_error_deg']:.2g}° after it"))
+    if not time["each_sample_has_its_period"] and time["one_rate_error_deg"] >= 0.005:
+        rows.append(("one rate for all samples", "its time stamps say otherwise: angles can be off by "
+                                                 f"{time['one_rate_error_deg']:.2g}°"))
+    return rows
 
 
 def _figure(value, form, unit=""):

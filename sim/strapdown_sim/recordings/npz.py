@@ -5,13 +5,14 @@ import zlib
 
 import numpy as np
 
-from .recording import Recording, RecordingError, Reference, check_time, mean_rate, unit_quaternions
+from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
+from .recording import RecordingError, unit_quaternions
 
 __all__ = ["read_npz"]
 
 
 def read_npz(path):
-    """The Recording in a NumPy archive. Raises: RecordingError."""
+    """The Log of a NumPy archive. Raises: RecordingError."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = dict(archive)
@@ -27,32 +28,24 @@ def read_npz(path):
                                  f"not {arrays[name].dtype} in {arrays[name].shape}")
         return arrays[name].astype(float)
 
-    def finite(name, *shape):
-        values = array(name, *shape)
-        for place in np.argwhere(~np.isfinite(values))[:1]:
-            raise RecordingError(f"{path}: array {name!r}, index {list(map(int, place))}: "
-                                 f"{values[tuple(place)]} is not finite; correct or cut it")
-        return values
-
     count = len(np.atleast_1d(arrays.get("gyro", ())))
-    gyro = finite("gyro", count, 3)
+    gyro = array("gyro", count, 3)
     if count < 2:
         raise RecordingError(f"{path}: {count} samples; at least 2 are needed")
-    time_s, rate = finite("t", count), float(finite("fs"))
-    check_time(path, time_s, lambda row: f"array 't', index {row}")
-    if not 0.99 < rate / mean_rate(time_s) < 1.01:
-        raise RecordingError(f"{path}: array 'fs' says {rate:g} Hz, array 't' {mean_rate(time_s):g} Hz; "
+    time_s, rate = array("t", count), float(array("fs"))
+    step = np.diff(time_s)
+    if (step > 0).any() and not 0.99 < rate * np.median(step[step > 0]) < 1.01:
+        raise RecordingError(f"{path}: array 'fs' says {rate:g} Hz, array 't' {1 / np.median(step[step > 0]):g} Hz; "
                              "correct one")
-
-    reference = None
+    streams = [Stream(GYRO, "gyro", time_s, np.degrees(gyro), "rad/s"),
+               Stream(ACCEL, "gyro", time_s, array("accel", count, 3), "m/s^2")]
+    if "mag" in arrays:
+        streams.append(Stream(MAG, "mag", time_s, array("mag", count, 3), "uT"))
     if "quat_ref" in arrays:
         clock = array("t_att", arrays["t_att"].size) if "t_att" in arrays else time_s
         quaternion, valid = unit_quaternions(array("quat_ref", len(clock), 4))
         if "valid" in arrays:
             valid = valid & (array("valid", len(clock)) != 0)
-        reference = Reference(time_s=clock, quaternion=quaternion, valid=valid & np.isfinite(clock),
-                              frame="ENU", heading_known=True)
-    mag = finite("mag", count, 3) if "mag" in arrays else None
-    return Recording(name=path.stem, sample_rate_hz=rate, time_s=time_s, gyro_deg_s=np.degrees(gyro),
-                     accel=finite("accel", count, 3), mag=mag,
-                     accel_unit="m/s^2", mag_unit=None if mag is None else "uT", reference=reference)
+        streams.append(Stream(ATTITUDE, "quat_ref", clock, np.where(valid[:, None], quaternion, np.nan), frame="ENU",
+                              heading_known=True, meaning="recorded reference"))
+    return Log(path, "NumPy archive", tuple(streams), rate_hz=rate, place=lambda row: f"array 't', index {row}")

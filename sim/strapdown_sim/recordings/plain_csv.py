@@ -1,19 +1,110 @@
-"""CSV files with a column of time in seconds, and units in the header."""
+"""Text files with a table: a column of time, columns of sensors, and units in the header or known from the format."""
 
-from .recording import Recording, RecordingError, check_time, mean_rate
-from .table import TIME, read_table, require, sensors
+import os
+from collections.abc import Mapping
+from pathlib import Path
 
-__all__ = ["read_plain_csv"]
+import numpy as np
+
+from .columns import COUNTER, TIME, columns_of, scaled, seconds, streams_of
+from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
+from .recording import STANDARD_GRAVITY, RecordingError
+from .table import Table, decoded, parse_table
+from .x_imu import x_imu_log
+
+__all__ = ["gravity_side", "read_csv", "table_log"]
 
 
-def read_plain_csv(path):
-    """The Recording in a CSV file with its own time. Raises: RecordingError."""
-    table = read_table(path)
-    require(table, [TIME])
-    if (unit := table.units[TIME]) != "s":
-        raise RecordingError(f"{table.path}: column {TIME!r}: unit {unit or 'missing'!r} is not known; "
-                             "time is in seconds, (s)")
-    time_s = table[TIME]
-    check_time(table.path, time_s, lambda row: f"line {table.lines[row]}")
-    return Recording(name=table.path.stem, sample_rate_hz=mean_rate(time_s), time_s=time_s,
-                     reference=None, **sensors(table))
+def read_csv(path: Path, *, columns: Mapping[str, str] | None = None, sample_rate_hz: float | None = None,
+             reference: str | os.PathLike | None = None) -> Log:
+    """The Log of a text file. Raises: RecordingError."""
+    text = decoded(path.read_bytes())
+    return table_log(parse_table(path, text), given=columns, sample_rate_hz=sample_rate_hz, reference=reference)
+
+
+def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_rate_hz: float | None = None,
+              reference: str | os.PathLike | None = None) -> Log:
+    """The Log of a table. Raises: RecordingError."""
+    found = columns_of(table, given=given, default=kind_of_name(table.path))
+    if TIME in found.of and COUNTER in found.of and "packet number" in found.of[COUNTER][0].source:
+        raise RecordingError(f"{table.path}: columns 'Time' and 'Packet number' exclude each other; delete one")
+    if GYRO not in found.of and MAG in found.of and ACCEL not in found.of:
+        raise RecordingError(f"{table.path}: only a magnetometer is in this file; replay the file of the inertial "
+                             "sensor "
+                             f"beside it{_inertial_hint(table.path)}: it finds this one")
+    missing = [kind for kind in (GYRO, ACCEL) if kind not in found.of]
+    if missing:
+        name = {GYRO: "Gyroscope X", ACCEL: "Accelerometer X"}[missing[0]]
+        raise RecordingError(f"{table.path}: no column {name!r}; the columns are {', '.join(table.header)}: name it "
+                             "with "
+                             f"--columns {missing[0]}_x=NAME:UNIT")
+    if TIME not in found.of and COUNTER in found.of and "packet" in found.of[COUNTER][0].source:
+        return x_imu_log(table, found, sample_rate_hz, reference)
+    if reference is not None:
+        raise RecordingError(f"{table.path}: only x-IMU exports have a separate reference; leave it out")
+    stamped, rate = True, None
+    if TIME in found.of:
+        if sample_rate_hz is not None:
+            raise RecordingError(f"{table.path}: the file contains its time; leave out the sample rate")
+        time_s = seconds(table, found.of[TIME][0])
+    elif sample_rate_hz is not None:
+        stamped, rate, time_s = False, float(sample_rate_hz), np.arange(len(table.lines)) / sample_rate_hz
+    else:
+        raise RecordingError(f"{table.path}: no column 'Time'; add it, name it with --columns time=NAME:UNIT, or give "
+                             "the "
+                             "rate of the rows with --rate HZ")
+    streams = streams_of(table, found, time_s)
+    streams += [Stream(**attitude) for attitude in _attitude(table, found, time_s, streams)]
+    return Log(table.path, "table of text", tuple(streams), notes=ignored_note(found), rate_hz=rate, stamped=stamped,
+               place=lambda row: f"line {table.lines[row]}")
+
+
+def ignored_note(found):
+    """The note on columns that are not used."""
+    names = found.ignored
+    if not names:
+        return ()
+    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return (f"columns not used: {shown}",)
+
+
+def kind_of_name(path):
+    """Quantity that a file's name says: "Gyroscope.csv", "xio_Magnetometer.csv"; None if it says none."""
+    name = path.stem.lower()
+    for kind, words in (GYRO, ("gyro",)), (ACCEL, ("accel",)), (MAG, ("magnetometer", "magnetic")), \
+            (ATTITUDE, ("quaternion", "orientation")):
+        if any(word in name for word in words):
+            return kind
+    return None
+
+
+def _inertial_hint(path):
+    other = path.with_name(path.name.replace("Magnetometer", "Inertial"))
+    return f" ({other.name})" if other != path and other.is_file() else ""
+
+
+def _attitude(table, found, time_s, streams):
+    """The attitude of a table, if its quaternions turn the specific force upwards."""
+    if ATTITUDE not in found.of:
+        return
+    values, _ = scaled(table, found.of[ATTITUDE])
+    force = next(stream.values for stream in streams if stream.kind == ACCEL)
+    turned = gravity_side(values, force)
+    if turned is not None:
+        yield {"kind": ATTITUDE, "name": found.of[ATTITUDE][0].source, "time_s": time_s, "values": turned,
+               "frame": "NWU", "heading_known": False, "meaning": "the file's own estimate, not truth"}
+
+
+def gravity_side(quaternion, force):
+    """Quaternions, or their conjugates, whichever turns the specific force upwards; None if neither does."""
+    best = None
+    for sign in (1.0, 1.0, 1.0, 1.0), (1.0, -1.0, -1.0, -1.0):
+        q = quaternion * sign
+        w, x, y, z = q.T
+        # Third row of the matrix, body to navigation.
+        up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=-1)
+        with np.errstate(invalid="ignore"):
+            upwards = float(np.nanmedian((up * force).sum(axis=1))) / STANDARD_GRAVITY
+        if best is None or upwards > best[0]:
+            best = upwards, q
+    return best[1] if best and best[0] > 0.8 else None

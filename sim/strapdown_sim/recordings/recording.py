@@ -4,15 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["STANDARD_GRAVITY", "Recording", "RecordingError", "Reference", "check_gravity", "check_time", "mean_rate",
+__all__ = ["STANDARD_GRAVITY", "Recording", "RecordingError", "Reference", "Timing", "check_gravity", "mean_rate",
            "unit_quaternions"]
 
 STANDARD_GRAVITY = 9.80665
 """One g in m/s^2 (ISO 80000-3)."""
-
-_MAX_STEP = 1.5
-"""Longest accepted time step, in typical steps: more than jitter, less than a lost sample."""
-
 
 class RecordingError(ValueError):
     """A recording cannot be used. The message is one line that names file, place and remedy."""
@@ -46,9 +42,35 @@ class Reference:
     meaning: str = "recorded reference"
 
 
+@dataclass(frozen=True)
+class Timing:
+    """What was found in the time stamps of a recording, and done about it.
+
+    Fields
+    ------
+    faults : dict
+        Name of each kind of fault, with what was done, to its number.
+    bridged : tuple of (float, float)
+        Ends of the gaps that were filled, seconds.
+    longest_gap_s : float
+        The longest of them.
+    bridge_error_deg : float
+        Largest angle by which the samples filled into one gap can be wrong: half of the change of the rate across the
+        gap, times its length.
+    one_rate_error_deg : float
+        Largest angle by which a core errs that has one constant sample period in place of each sample's own.
+    """
+
+    faults: dict[str, int]
+    bridged: tuple[tuple[float, float], ...]
+    longest_gap_s: float
+    bridge_error_deg: float
+    one_rate_error_deg: float
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Samples of one inertial measurement unit, equidistant, in sensor axes.
+    """Samples of one inertial measurement unit, in sensor axes.
 
     Fields
     ------
@@ -68,6 +90,14 @@ class Recording:
         Units in the file, for reports; the arrays above are converted.
     reference : Reference or None
         Reference orientation in the recording.
+    period_s : ndarray, shape (N,), or None
+        Time from the sample before to each sample, seconds; None if the file has no time stamps.
+    mag_new : ndarray of bool, shape (N,), or None
+        Where ``mag`` has a sample that was not there before; None stands for wherever it is not zero.
+    timing : Timing or None
+        Faults of the time stamps; None if the file has none.
+    notes : tuple of str
+        What the user should know about the file, each in one line.
     """
 
     name: str
@@ -79,30 +109,34 @@ class Recording:
     accel_unit: str
     mag_unit: str | None
     reference: Reference | None
+    period_s: np.ndarray | None = None
+    mag_new: np.ndarray | None = None
+    timing: Timing | None = None
+    notes: tuple[str, ...] = ()
 
 
 def mean_rate(time_s):
     return float((len(time_s) - 1) / (time_s[-1] - time_s[0]))
 
 
-def check_time(path, time_s, place):
-    step = np.diff(time_s)
-    for row in np.flatnonzero(~(step > 0))[:1]:
-        raise RecordingError(f"{path}: {place(row + 1)}: time goes from {time_s[row]:g} s to "
-                             f"{time_s[row + 1]:g} s; it must increase")
-    typical = np.median(step)
-    for row in np.flatnonzero(step > _MAX_STEP * typical)[:1]:
-        raise RecordingError(f"{path}: {place(row + 1)}: gap of {step[row]:g} s after {time_s[row]:g} s, "
-                             f"where steps are {typical:g} s; fill it in or cut the recording there")
-
-
 def check_gravity(path, recording):
-    """Refuse a specific force whose ratio to 9.8 g or 1/9.8 g is closer to one than its ratio to one g."""
+    """Refuse a specific force without gravity, and one whose unit must be wrong.
+
+    The unit is wrong if the ratio of the median to 9.8 g or 1/9.8 g is closer to one than its ratio to one g.
+    """
     force = np.linalg.norm(recording.accel, axis=1) / STANDARD_GRAVITY
     force = force[force > 0]
-    if len(force) and abs(np.log(np.median(force))) > np.log(STANDARD_GRAVITY) / 2:
-        raise RecordingError(f"{path}: the median specific force is {np.median(force):.3g} g; "
-                             f"is the unit of the accelerometer {recording.accel_unit}?")
+    if not len(force):
+        raise RecordingError(f"{path}: the accelerometer has no samples")
+    median = float(np.median(force))
+    if abs(np.log(median)) <= np.log(STANDARD_GRAVITY) / 2:
+        return
+    if median < 1 and not 0.9 < median * STANDARD_GRAVITY < 1.1 and not 0.9 < median * 1000 < 1.1:
+        raise RecordingError(f"{path}: the median specific force is {median:.3g} g: gravity was removed from it "
+                             "(linear "
+                             "acceleration); record the accelerometer with gravity")
+    raise RecordingError(f"{path}: the median specific force is {median:.3g} g; "
+                         f"is the unit of the accelerometer {recording.accel_unit}?")
 
 
 def unit_quaternions(quaternion):

@@ -1,96 +1,138 @@
-"""CSV tables: a header with units in parentheses, then numbers."""
+"""Tables of numbers in text files: header, delimiter, decimal sign and comments are found from the text."""
 
+import codecs
 import csv
+import re
+from array import array
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from .recording import STANDARD_GRAVITY, RecordingError
+from .recording import RecordingError
 
-__all__ = ["PACKET", "TIME", "Table", "read_table", "require", "sensors"]
+__all__ = ["PACKET", "Table", "looks_like_table", "parse_table", "read_table", "require"]
 
-_UNITS = {
-    "Gyroscope": {"deg/s": 1.0, "rad/s": np.degrees(1.0)},
-    "Accelerometer": {"g": STANDARD_GRAVITY, "m/s^2": 1.0},
-    "Magnetometer": {"uT": 1.0, "G": 100.0, "mG": 0.1, "nT": 0.001},
-}
-"""Factor from each unit of a file to deg/s, m/s^2 and uT."""
+PACKET = "Packet number"
 
-TIME, PACKET = "Time", "Packet number"
-_AXES = "X", "Y", "Z"
+COMMENT = "#", "//", "%"
+"""Starts of lines that are not part of the table, but for the last one before the numbers, which may be its header."""
+
+EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "+nan", "-nan"}
+"""Cells without a number, in lower case."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Numbers of a CSV file: canonical column names and units, values (N, columns), line numbers (N)."""
+    """Numbers of a text file.
+
+    Fields
+    ------
+    path : Path
+    header : list of str
+        Cells of the header, stripped; empty without a header.
+    values : ndarray, shape (N, columns)
+        NaN for a cell without a number.
+    lines : Sequence of int
+        Number of the line of each row.
+    comments : tuple of str
+        Comment lines, stripped.
+    columns : dict
+        Maps names that the reader knows to columns.
+    """
 
     path: Path
-    columns: dict[str, int]
-    units: dict[str, str | None]
+    header: list[str]
     values: np.ndarray
-    lines: list[int]
+    lines: Sequence[int]
+    comments: tuple[str, ...]
+    columns: dict[str, int]
 
     def __getitem__(self, names):
-        """Values of one column, shape (N,), or of several, shape (N, len(names))."""
+        """Values of one known column, shape (N,), or of several, shape (N, len(names))."""
         if isinstance(names, str):
             return self.values[:, self.columns[names]]
         return self.values[:, [self.columns[name] for name in names]]
 
 
-def _sensor_columns(sensor):
-    return tuple(f"{sensor} {axis}" for axis in _AXES)
+def decoded(data: bytes) -> str:
+    """Text of a file: UTF-8, or UTF-16 with a byte order mark."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
+    return data.decode("utf-8-sig", errors="replace")
 
 
-_KNOWN_COLUMNS = (TIME, PACKET, *(name for sensor in _UNITS for name in _sensor_columns(sensor)))
+def looks_like_table(head: bytes) -> bool:
+    """Whether the first bytes of a file are text."""
+    text = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" not in head
+    return bool(head) and text
 
 
-def read_table(path, known=_KNOWN_COLUMNS):
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        rows = csv.reader(file)
-        header = next(rows, [])
-        if not any(cell.strip() for cell in header):
-            raise RecordingError(f"{path}: line 1 holds no column names")
-        columns, units = _read_header(path, header, known)
-        cells, lines = [], []
-        for row in rows:
-            if not row:
+def parse_table(path: Path, text: str, *, header: list[str] | None = None) -> Table:
+    """A Table from text; ``header`` names the columns of a file without a header line.
+
+    Raises: RecordingError.
+    """
+    lines = text.splitlines()
+    start, names, delimiter, comma, comments = _layout(path, lines, header)
+    width, cells, numbers, count = len(names), array("d"), array("q"), 0
+    for number, line in enumerate(lines[start:], start + 1):
+        if not line.strip() or line.lstrip().startswith(COMMENT):
+            continue
+        row = _split(line, delimiter)
+        if len(row) == width + 1 and not row[-1].strip():
+            row.pop()
+        if len(row) != width:
+            raise RecordingError(f"{path}: line {number} has {len(row)} cells, the header {width}; complete or delete "
+                                 "it")
+        try:
+            cells.extend(map(float, row) if not comma else (float(cell.replace(",", ".")) for cell in row))
+        except ValueError:
+            del cells[count * width:]
+            cells.extend(_numbers(path, number, row, names, comma))
+        numbers.append(number)
+        count += 1
+    if count < 2:
+        raise RecordingError(f"{path}: {count} rows of numbers; at least 2 are needed")
+    values = np.frombuffer(cells, float).reshape(count, width)
+    return Table(path, names, values, numbers, comments, {})
+
+
+def _numbers(path, number, row, names, comma):
+    for cell, name in zip(row, names, strict=True):
+        text = cell.strip()
+        if text.casefold() in EMPTY:
+            yield np.nan
+            continue
+        try:
+            yield float(text.replace(",", ".") if comma else text)
+        except ValueError:
+            if _is_word(text):
+                # A column of words, such as a flag or a date: no number of the recording.
+                yield np.nan
                 continue
-            if len(row) != len(header):
-                raise RecordingError(f"{path}: line {rows.line_num} has {len(row)} cells, "
-                                     f"the header {len(header)}; complete or delete it")
-            try:
-                cells.append([float(cell) for cell in row])
-            except ValueError:
-                column, cell = next((n, c) for n, c in enumerate(row) if not _is_number(c))
-                raise RecordingError(f"{path}: line {rows.line_num}, column {header[column].strip()!r}: "
-                                     f"{cell!r} is not a number; correct or delete the line") from None
-            lines.append(rows.line_num)
-    if len(cells) < 2:
-        raise RecordingError(f"{path}: {len(cells)} rows of numbers; at least 2 are needed")
-    values = np.array(cells)
-    for row, column in np.argwhere(~np.isfinite(values))[:1]:
-        raise RecordingError(f"{path}: line {lines[row]}, column {header[column].strip()!r}: "
-                             f"{values[row, column]} is not finite; correct or delete the line")
-    return Table(path, columns, units, values, lines)
+            raise RecordingError(f"{path}: line {number}, column {name!r}: {cell!r} is not a number; "
+                                 "correct or delete the line") from None
 
 
-def _read_header(path, header, known):
-    """Column index and unit by canonical name."""
-    canonical = {name.casefold(): name for name in known}
-    columns, units = {}, {}
-    for index, cell in enumerate(header):
-        label, separator, unit = cell.strip().removesuffix(")").rpartition("(")
-        if not separator:
-            label, unit = unit, ""
-        name = canonical.get(" ".join(label.split()).casefold())
-        if name is None:
-            raise RecordingError(f"{path}: column {cell.strip()!r} is not known; "
-                                 f"columns are {', '.join(known)}, separated by commas")
-        if name in columns:
-            raise RecordingError(f"{path}: column {name!r} appears twice; delete one")
-        columns[name], units[name] = index, unit.strip()
-    return columns, units
+def _is_word(text):
+    return bool(re.match(r"[A-Za-z\"']|\d{1,4}[-/:.]\d{1,2}[-/:.]\d", text))
+
+
+def _split(line, delimiter):
+    if delimiter is None:
+        return line.split()
+    if '"' in line:
+        return next(csv.reader([line], delimiter=delimiter))
+    return line.split(delimiter)
+
+
+def _is_numbers(cells):
+    """Whether most cells are numbers, with either decimal sign, and at least one is."""
+    filled = [cell.strip().replace(",", ".") for cell in cells if cell.strip()]
+    good = sum(_is_number(cell) for cell in filled)
+    return good > 0 and good >= len(filled) / 2
 
 
 def _is_number(cell):
@@ -101,37 +143,88 @@ def _is_number(cell):
     return True
 
 
-def require(table, names):
+def _layout(path, lines, header):
+    """First line of numbers (index), names, delimiter, whether the decimal sign is a comma, and comments."""
+    comments, before = [], []
+    for index, line in enumerate(lines):
+        text = line.strip()
+        if not text:
+            continue
+        if text.startswith(COMMENT):
+            comments.append(text)
+            before.append(text.lstrip("#/% "))
+            continue
+        found = _numeric(text, before[-1:] if header is None else [])
+        if found is None:
+            before.append(text)
+            continue
+        delimiter, cells = found
+        comma = delimiter != "," and any(re.fullmatch(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*", cell) for cell in cells)
+        if header is not None:
+            return index, header, delimiter, comma, tuple(comments)
+        # The header is the last line with as many cells, or one less where lines end with a delimiter; a line of units
+        # may stand below it.
+        width = len(cells)
+        heads = [[cell.strip().strip('"') for cell in _split(each, delimiter)] for each in before[-2:]]
+        heads = [head[:width] for head in heads if len(head) in (width, width + 1)
+                 or (len(head) == width - 1 and not cells[-1].strip())]
+        if not heads:
+            raise RecordingError(f"{path}: line {index + 1} holds numbers, and no line before it names "
+                                 f"{width} columns")
+        names = heads[-1]
+        if len(heads) == 2 and len(heads[0]) == len(names) and all(_is_unit(cell) for cell in names):
+            names = [f"{name} ({unit.strip('()[]')})" if unit.strip("()[]") else name
+                     for name, unit in zip(heads[0], names, strict=True)]
+        return index, names, delimiter, comma, tuple(comments)
+    if not any(line.strip() for line in lines):
+        raise RecordingError(f"{path}: the file is empty")
+    first = next(line for line in lines if line.strip())
+    delimiter = max(",;\t", key=first.count)
+    return len(lines), header or [cell.strip().strip('"') for cell in first.split(delimiter)], delimiter, False, ()
+
+
+def _is_unit(cell):
+    return len(cell) <= 12 and bool(re.fullmatch(r"|[(\[].*|.*[/°µ].*|s|ms|us|ns|g|G|T|uT|mG", cell))
+
+
+def _numeric(line, head):
+    """Delimiter and cells of a line of numbers, or None; ``head`` holds the line before it, if there is one.
+
+    Of several possible delimiters that counts which parts the line before into as many cells.
+    """
+    possible: list[tuple[bool, int, str | None, list[str]]] = []
+    for delimiter in "\t", ";", "|", ",", None:
+        cells = _split(line, delimiter) if delimiter is None or delimiter in line else []
+        if len(cells) > 1 and _is_numbers(cells):
+            fits = any(1 < len(_split(each, delimiter)) in range(len(cells) - 1, len(cells) + 2) for each in head)
+            possible.append((not fits, len(possible), delimiter, cells))
+    return min(possible)[2:] if possible else None
+
+
+def read_table(path: Path, known: Sequence[str]) -> Table:
+    """A table whose columns all have known names, with or without units in parentheses, and whose cells are numbers.
+
+    Raises: RecordingError.
+    """
+    table = parse_table(path, decoded(path.read_bytes()))
+    canonical = {name.casefold(): name for name in known}
+    columns: dict[str, int] = {}
+    for index, cell in enumerate(table.header):
+        label = cell.strip().removesuffix(")").rpartition("(")[0] if cell.strip().endswith(")") else cell
+        name = canonical.get(" ".join(label.split()).casefold())
+        if name is None:
+            raise RecordingError(f"{path}: column {cell.strip()!r} is not known; columns are {', '.join(known)}")
+        if name in columns:
+            raise RecordingError(f"{path}: column {name!r} appears twice; delete one")
+        columns[name] = index
+    for row, column in np.argwhere(~np.isfinite(table.values))[:1]:
+        raise RecordingError(f"{path}: line {table.lines[row]}, column {table.header[column]!r}: no finite number; "
+                             "correct or delete the line")
+    return Table(path, table.header, table.values, table.lines, table.comments, columns)
+
+
+def require(table: Table, names: Sequence[str]) -> None:
+    """Raise a RecordingError if a known column is missing."""
     missing = [name for name in names if name not in table.columns]
     if missing:
         raise RecordingError(f"{table.path}: no column {', '.join(repr(name) for name in missing)}; add it")
-
-
-def _sensor(table, sensor):
-    """Samples of one sensor in the Recording's unit, shape (N, 3), and the unit of the file."""
-    names, accepted = _sensor_columns(sensor), _UNITS[sensor]
-    require(table, names)
-    canonical = {unit.casefold(): unit for unit in accepted}
-    found = []
-    for name in names:
-        unit = table.units[name]
-        # Micro sign and Greek mu are both in use; some keyboards have a superscript two.
-        plain = (unit or "").replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u") \
-                            .replace("\N{SUPERSCRIPT TWO}", "^2").casefold()
-        if plain not in canonical:
-            raise RecordingError(f"{table.path}: column {name!r}: unit {unit or 'missing'!r} is not known; "
-                                 f"units are {', '.join(accepted)}, in parentheses after the name")
-        found.append(canonical[plain])
-    if len(set(found)) > 1:
-        raise RecordingError(f"{table.path}: {sensor} axes have units {', '.join(found)}; use one for all")
-    return accepted[found[0]] * table[names], found[0]
-
-
-def sensors(table):
-    """Keyword arguments of a Recording that come from sensor columns."""
-    gyro_deg_s, _ = _sensor(table, "Gyroscope")
-    accel, accel_unit = _sensor(table, "Accelerometer")
-    has_mag = any(name in table.columns for name in _sensor_columns("Magnetometer"))
-    mag, mag_unit = _sensor(table, "Magnetometer") if has_mag else (None, None)
-    return {"gyro_deg_s": gyro_deg_s, "accel": accel, "mag": mag,
-            "accel_unit": accel_unit, "mag_unit": mag_unit}

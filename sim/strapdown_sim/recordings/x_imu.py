@@ -1,13 +1,16 @@
 """Exports of the x-IMU: packet numbers in place of time, and the device's own estimate in a second file."""
 
+import os
 from pathlib import Path
 
 import numpy as np
 
-from .recording import Recording, RecordingError, Reference, unit_quaternions
-from .table import PACKET, TIME, read_table, require, sensors
+from .columns import COUNTER, Columns, streams_of
+from .log import ATTITUDE, Log, Stream
+from .recording import RecordingError
+from .table import PACKET, Table, read_table, require
 
-__all__ = ["X_IMU_RATE_HZ", "read_x_imu"]
+__all__ = ["X_IMU_RATE_HZ", "x_imu_log"]
 
 X_IMU_RATE_HZ = 256.0
 """Sample rate assumed for an x-IMU export, whose samples have packet numbers but no time.
@@ -24,26 +27,39 @@ battery and clock streams may lie between two samples."""
 _QUATERNION = tuple(f"Element {k}" for k in (1, 2, 3, 4))
 
 
-def read_x_imu(path, *, sample_rate_hz=None, reference=None):
-    """The Recording in an x-IMU export. Parameters and errors are those of ``read_recording``."""
-    table = read_table(path)
-    if TIME in table.columns:
-        raise RecordingError(f"{path}: columns {TIME!r} and {PACKET!r} exclude each other; delete one")
+def x_imu_log(table: Table, found: Columns, sample_rate_hz: float | None,
+              reference: str | os.PathLike | None) -> Log:
+    """The Log of an x-IMU export.
+
+    Parameters
+    ----------
+    table : Table
+    found : Columns
+    sample_rate_hz : float or None
+        X_IMU_RATE_HZ by default.
+    reference : path-like or None
+        File of the device's quaternions; by default ``..._Quaternion.csv`` in the same folder, if it exists.
+
+    Raises: RecordingError.
+    """
+    path = table.path
     rate = X_IMU_RATE_HZ if sample_rate_hz is None else float(sample_rate_hz)
     if not 0 < rate < np.inf:
         raise RecordingError(f"{path}: the sample rate must be positive, not {sample_rate_hz!r}")
-    _check_packets(table, _MAX_PACKET_STEP)
-    measured = sensors(table)
+    packets = table.values[:, found.of[COUNTER][0].number]
+    _check_packets(table, packets, _MAX_PACKET_STEP)
+    time_s = np.arange(len(table.lines)) / rate
+    streams = streams_of(table, found, time_s)
     sibling = path.with_name(path.name.replace("_CalInertialAndMag", "_Quaternion"))
     if reference is None and sibling != path and sibling.is_file():
         reference = sibling
     if reference is not None:
-        reference = _x_imu_reference(table, Path(reference), rate)
-    return Recording(name=path.stem, sample_rate_hz=rate, time_s=np.arange(len(table.lines)) / rate,
-                     reference=reference, **measured)
+        streams.append(_device_attitude(table, packets, Path(reference), rate))
+    return Log(path, "x-IMU export", tuple(streams), rate_hz=rate, stamped=False,
+               place=lambda row: f"line {table.lines[row]}")
 
 
-def _x_imu_reference(table, path, rate):
+def _device_attitude(table, packets, path, rate):
     """The device's own estimate, on the time axis of the samples.
 
     The device numbers the packets of all its streams in one sequence and sends a quaternion right
@@ -53,8 +69,8 @@ def _x_imu_reference(table, path, rate):
     """
     device = read_table(path, (PACKET, *_QUATERNION))
     require(device, (PACKET, *_QUATERNION))
-    _check_packets(device, np.inf)
-    packets, device_packets = table[PACKET], device[PACKET]
+    device_packets = device[PACKET]
+    _check_packets(device, device_packets, np.inf)
     inside = (device_packets > packets[0]) & (device_packets < packets[-1])
     if np.count_nonzero(inside) < 2:
         raise RecordingError(f"{path}: packet numbers do not overlap those of {table.path.name}; "
@@ -67,13 +83,11 @@ def _x_imu_reference(table, path, rate):
         raise RecordingError(f"{path}: line {line}: {spacing[row]} samples since the previous quaternion instead "
                              f"of {typical:g}: packets are missing; cut both files there")
     # The device gives earth relative to sensor, and a heading relative to its start.
-    quaternion, valid = unit_quaternions(device[_QUATERNION][inside] * (1, -1, -1, -1))
-    return Reference(time_s=sample / rate, quaternion=quaternion, valid=valid,
-                     frame="NWU", heading_known=False, meaning="the device's own estimate")
+    return Stream(ATTITUDE, path.name, sample / rate, device[_QUATERNION][inside] * (1, -1, -1, -1), frame="NWU",
+                  heading_known=False, meaning="the device's own estimate")
 
 
-def _check_packets(table, largest):
-    packets = table[PACKET]
+def _check_packets(table, packets, largest):
     step = np.diff(packets)
     for row in np.flatnonzero(~((step > 0) & (step <= largest)))[:1]:
         raise RecordingError(f"{table.path}: line {table.lines[row + 1]}: packet number goes from "

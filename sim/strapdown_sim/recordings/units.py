@@ -1,0 +1,54 @@
+"""Units of recorded quantities: their spellings, and the factors to the units of a Log."""
+
+import re
+
+import numpy as np
+
+from .recording import STANDARD_GRAVITY
+
+__all__ = ["UNITS", "factor", "listed"]
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "gyro": {"deg/s": 1.0, "rad/s": float(np.degrees(1.0)), "mdeg/s": 1e-3, "mrad/s": float(np.degrees(1e-3))},
+    "accel": {"g": STANDARD_GRAVITY, "m/s^2": 1.0, "mg": STANDARD_GRAVITY / 1000, "ug": STANDARD_GRAVITY / 1e6},
+    "mag": {"uT": 1.0, "G": 100.0, "mG": 0.1, "nT": 0.001, "T": 1e6, "mT": 1e3, "a.u.": 1.0},
+    "pressure": {"Pa": 1.0, "hPa": 100.0, "kPa": 1e3, "mbar": 100.0, "bar": 1e5},
+    "attitude": {"": 1.0},
+}
+"""Factor from each unit of a file to s, deg/s, m/s^2, uT and Pa. A field in units of the device (a.u.) stays."""
+
+_CHARACTERS = str.maketrans({
+    "\N{MICRO SIGN}": "u", "\N{GREEK SMALL LETTER MU}": "u", "\N{SUPERSCRIPT TWO}": "^2", "\N{DEGREE SIGN}": "deg",
+    "\N{SUPERSCRIPT ONE}": "1", "\N{SUPERSCRIPT MINUS}": "^-", "\N{MINUS SIGN}": "-", " ": "", "_": "", "*": "",
+    "\N{MIDDLE DOT}": "", "\N{DOT OPERATOR}": ""})
+
+_SPELLINGS = {
+    "time": {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millis": "ms",
+             "milliseconds": "ms", "usec": "us", "micros": "us", "microseconds": "us", "nsec": "ns", "nanos": "ns",
+             "nanoseconds": "ns"},
+    "gyro": {"dps": "deg/s", "degs": "deg/s", "deg/sec": "deg/s", "degs-1": "deg/s", "degs^-1": "deg/s",
+             "degrees/s": "deg/s", "degree/s": "deg/s", "degrees/sec": "deg/s", "degpersec": "deg/s",
+             "rads": "rad/s", "rad/sec": "rad/s", "rads-1": "rad/s", "rads^-1": "rad/s", "radians/s": "rad/s",
+             "mdps": "mdeg/s", "mrads": "mrad/s"},
+    "accel": {"gs": "g", "gee": "g", "m/s2": "m/s^2", "m/s/s": "m/s^2", "ms^-2": "m/s^2", "ms-2": "m/s^2",
+              "mps2": "m/s^2", "mps^2": "m/s^2", "m/sec^2": "m/s^2", "m/sec2": "m/s^2", "mss": "m/s^2", "ms2": "m/s^2",
+              "m/ss": "m/s^2", "milli-g": "mg", "micro-g": "ug"},
+    "mag": {"gauss": "g", "gs": "g", "ga": "g", "mgauss": "mg", "mga": "mg", "milligauss": "mg", "tesla": "t",
+            "microtesla": "ut", "nanotesla": "nt", "millitesla": "mt", "au": "a.u."},
+    "pressure": {"pascal": "pa", "millibar": "mbar"},
+    "attitude": {},
+}
+
+
+def factor(kind: str, unit: str) -> tuple[float, str] | None:
+    """Factor and usual spelling of a unit of a quantity ("time", "gyro", ...), or None if it is not known."""
+    plain = re.sub(r"\^\{?(-?\d)\}?", r"^\1", unit.translate(_CHARACTERS)).casefold()
+    plain = _SPELLINGS[kind].get(plain, plain).casefold()
+    known = {name.casefold(): name for name in UNITS[kind]}
+    return (UNITS[kind][known[plain]], known[plain]) if plain in known else None
+
+
+def listed(kind: str) -> str:
+    """The units of a quantity, for messages."""
+    return ", ".join(UNITS[kind])
