@@ -1,4 +1,4 @@
-"""The code of docs/python.md runs as written, and prints the values in its comments."""
+"""The code of docs/python.md and docs/bus.md runs as written, and prints the values in its comments."""
 
 import re
 import subprocess
@@ -26,3 +26,9 @@ def test_the_page_runs_from_top_to_bottom(root, tmp_path):
     assert circuit == f"{latency} cycles; 0 bits differ from the twin"
     assert replayed.startswith("0 [")
     assert adder == "1.0 5 1"
+
+
+def test_the_page_on_buses_runs(root, tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", (root / "docs" / "bus.md").read_text(encoding="utf-8"), re.DOTALL)
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout == "INS_top_axi 0x100 starts an update with the inputs of the table\n", done.stderr

@@ -3,7 +3,7 @@
 import numpy as np
 from amaranth.sim import Simulator
 
-from strapdown.cores import THESIS, axi_core
+from strapdown.cores import FLIGHT, THESIS, axi_core, main_module, make_core, register_table
 
 SAMPLES = 3
 
@@ -64,3 +64,12 @@ def test_updates_by_register():
     simulator.add_clock(1e-8)
     simulator.add_testbench(bench)
     simulator.run()
+
+
+def test_inputs_with_a_value_in_the_configuration_have_it_after_a_reset():
+    config = FLIGHT.replace(inputs="magnetometer_gain", period_input=True, sample_rate_hz=250)
+    table = register_table(make_core(main_module(config), config), config)
+    assert table["IN_MAGNETOMETER_GAIN"].reset == int(np.float32(config.magnetometer_gain).view(np.uint32))
+    assert table["IN_PERIOD"].reset == int(np.float32(1 / 250).view(np.uint32))
+    assert table["IN_GYROX"].reset == 0
+    assert [word.port for word in table.parameters] == ["in_magnetometer_gain"]

@@ -39,8 +39,9 @@ CYCLES = "cycles of aclk that the last update took"
 def register_table(core: Core, config: Config, *, streams: bool = True) -> RegisterTable:
     """The register table of a core of a configuration, with or without streams.
 
-    Inputs that the configuration's field ``inputs`` names are parameters; all others belong to each sample. A port of
-    more than 32 bits takes two registers, the low half first.
+    Inputs that the configuration's field ``inputs`` names are parameters; all others belong to each sample. After a
+    reset the inputs that ``config.constant_inputs()`` names have these values. A port of more than 32 bits takes two
+    registers, the low half first.
 
     Raises: ValueError for a core without a status port.
     """
@@ -50,10 +51,12 @@ def register_table(core: Core, config: Config, *, streams: bool = True) -> Regis
     parameters = {port for name in getattr(config, "inputs", ()) for port in _ports_of(system, name)}
     meanings = {port.name: port for port in core.ports}
     number = core.engine.program.format
+    resets = {port: number.encode(value) for name, value in config.constant_inputs().items() if name in system.inputs
+              for port in _ports_of(system, name)}
     addresses = {In: count(INPUTS, REGISTER_BITS // 8), None: count(OUTPUTS, REGISTER_BITS // 8)}
 
     def words(names, flow, access):
-        return tuple(_word(meanings[name], addresses[flow], access, number) for name in names)
+        return tuple(_word(meanings[name], addresses[flow], access, number, resets.get(name)) for name in names)
 
     samples = [name for name in system.input_ports if name not in parameters]
     return RegisterTable(
@@ -64,8 +67,12 @@ def register_table(core: Core, config: Config, *, streams: bool = True) -> Regis
         outputs=words(system.output_ports, None, Access.READ))
 
 
-def _word(port, addresses, access, number):
-    """The word of a port at the next addresses; ``number`` is the format of the core's numbers."""
+def _word(port, addresses, access, number, value):
+    """The word of a port at the next addresses.
+
+    ``number`` is the format of the core's numbers; ``value`` is that after a reset, None for the port's own.
+    """
+    value = port.init if value is None else value
     format = number.name if port.width == number.width else "bits"
     if port.width <= REGISTER_BITS:
         parts = [("", port.width, port.meaning)]
@@ -74,7 +81,7 @@ def _word(port, addresses, access, number):
                  ("_HIGH", port.width - REGISTER_BITS, f"high half of {port.name}")]
     registers = []
     for index, (suffix, width, meaning) in enumerate(parts):
-        reset = port.init >> index * REGISTER_BITS & (1 << width) - 1
+        reset = value >> index * REGISTER_BITS & (1 << width) - 1
         registers.append(Register(f"{port.name.upper()}{suffix}", next(addresses),
                                   (Field("value", 0, width, access, meaning, reset),), meaning))
     return Word(port.name, port.width, tuple(registers), port.meaning, format)
