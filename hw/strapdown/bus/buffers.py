@@ -1,75 +1,42 @@
-"""Buffers of streams: a skid buffer, a register, and a queue of a few records."""
+"""Buffers: a skid buffer of a stream, and a queue of a few records."""
 
 from itertools import pairwise
 
 from amaranth import *
-from amaranth.lib import stream
 from amaranth.lib.wiring import In, Out
 
 from strapdown.component import Described
 
-__all__ = ["RecordQueue", "SkidBuffer", "StreamRegister"]
+__all__ = ["RecordQueue", "skid_buffer"]
 
 
-class SkidBuffer(Described):
-    """Passes a stream on, so that its ``ready`` does not depend on the ``ready`` that comes back.
-
-    Parameters
-    ----------
-    shape : ShapeLike
-        Shape of the payload.
-
-    Members
-    -------
-    input : In(stream of shape)
-        ``ready`` is the inverse of a register.
-    output : Out(stream of shape)
-        In the same cycle, the payload of ``input``, or else the one that was not taken.
-
-    Latency: none; one payload per cycle.
-    """
-
-    def __init__(self, shape):
-        self._shape = shape
-        super().__init__({"input": In(stream.Signature(shape)), "output": Out(stream.Signature(shape))})
-
-    def elaborate(self, platform):
-        m = Module()
-        full, kept = Signal(), Signal(self._shape, reset_less=True)
-        m.d.comb += [self.input.ready.eq(~full), self.output.valid.eq(self.input.valid | full),
-                     self.output.payload.eq(Mux(full, kept, self.input.payload))]
-        m.d.sync += full.eq(self.output.valid & ~self.output.ready)
-        with m.If(~full):
-            m.d.sync += kept.eq(self.input.payload)
-        return m
-
-
-class StreamRegister(Described):
-    """Passes a stream on, so that ``valid`` and the payload are registers.
+def skid_buffer(m, name, shape, valid, payload, ready):
+    """A skid buffer: passes a stream on, so that its ``ready`` does not depend on the one that comes back.
 
     Parameters
     ----------
+    m : Module
+        Gets the statements, in the domain ``sync``.
+    name : str
+        Of the buffer, for its signals.
     shape : ShapeLike
         Shape of the payload.
+    valid, payload, ready : Value
+        The stream that comes in; ``ready`` is driven, by the inverse of a register.
 
-    Members
+    Returns
     -------
-    input, output : In(stream of shape), Out(stream of shape)
-        ``ready`` of ``input`` depends on that of ``output``.
-
-    Latency: one cycle; one payload per cycle.
+    valid, payload, taken : Signal
+        The stream that goes out, in the same cycle; ``taken`` is to be driven, and means nothing while ``valid`` is
+        low.
     """
-
-    def __init__(self, shape):
-        self._shape = shape
-        super().__init__({"input": In(stream.Signature(shape)), "output": Out(stream.Signature(shape))})
-
-    def elaborate(self, platform):
-        m = Module()
-        m.d.comb += self.input.ready.eq(~self.output.valid | self.output.ready)
-        with m.If(self.input.ready):
-            m.d.sync += [self.output.valid.eq(self.input.valid), self.output.payload.eq(self.input.payload)]
-        return m
+    full, kept = Signal(name=f"{name}_full"), Signal(shape, name=f"{name}_kept", reset_less=True)
+    out_valid, out, taken = Signal(name=f"{name}_valid"), Signal(shape, name=name), Signal(name=f"{name}_taken")
+    m.d.comb += [ready.eq(~full), out_valid.eq(valid | full), out.eq(Mux(full, kept, payload))]
+    m.d.sync += full.eq(out_valid & ~taken)
+    with m.If(~full):
+        m.d.sync += kept.eq(payload)
+    return out_valid, out, taken
 
 
 class RecordQueue(Described):

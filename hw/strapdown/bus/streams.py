@@ -6,6 +6,7 @@ from amaranth.lib.wiring import In, Out
 
 from strapdown.component import Described
 
+from .buffers import skid_buffer
 from .registers import REGISTER_BITS
 from .slave import LOAD
 
@@ -40,46 +41,47 @@ class SampleFramer(Described):
     Members
     -------
     words : In(stream of stream_words(channel_bits))
-        The stream.
+        The stream; ``ready`` is the inverse of a register. A word may be taken, and wait, at any time.
     enable : In(1)
-        While it is low, no word is taken, and words of an incomplete sample are dropped.
+        While it is low, no word is loaded, and words of an incomplete sample are dropped.
     load : Out(stream of LOAD)
-        The words, in the same cycle, with the addresses of their registers.
+        The words, with the addresses of their registers.
     sample : Out(stream of sample_end(channel_bits))
-        A complete sample, from the cycle after its last word. No word is taken until this is taken.
+        A complete sample, from the cycle after its last word. No word is loaded until this is taken.
     bad : Out(1)
         High for one cycle if words are dropped.
     partial : Out(1)
         A sample has begun to come in.
 
-    Latency: none for the words.
+    Latency: none from ``words`` to ``load``; one word per cycle.
     """
 
     def __init__(self, count, first, channel_bits=0):
-        self._count, self._first, self._channel_bits = count, first, channel_bits
-        words = stream_words(channel_bits)
+        self._count, self._first = count, first
+        self._words = stream_words(channel_bits)
         super().__init__({
-            "words": In(stream.Signature(words)), "enable": In(1), "load": Out(stream.Signature(LOAD)),
+            "words": In(stream.Signature(self._words)), "enable": In(1), "load": Out(stream.Signature(LOAD)),
             "sample": Out(stream.Signature(sample_end(channel_bits))), "bad": Out(1),
             "partial": Out(1)})
 
     def elaborate(self, platform):
         m = Module()
         words, load, sample = self.words, self.load, self.sample
+        valid, word, taken = skid_buffer(m, "word", self._words, words.valid, words.payload, words.ready)
         index, place = Signal(range(self._count)), Signal(range(self._count))
-        open, taken, changed, ends, begun = Signal(), Signal(), Signal(), Signal(), Signal()
+        open, loads, changed, ends, begun = Signal(), Signal(), Signal(), Signal(), Signal()
         m.d.comb += [
-            open.eq(self.enable & ~sample.valid), load.valid.eq(words.valid & open), words.ready.eq(load.ready & open),
-            taken.eq(words.valid & words.ready), begun.eq(index != 0), self.partial.eq(begun),
-            changed.eq(begun & (words.p.channel != sample.p.channel)), place.eq(Mux(changed, 0, index)),
+            open.eq(self.enable & ~sample.valid), load.valid.eq(valid & open), taken.eq(load.ready & open),
+            loads.eq(valid & taken), begun.eq(index != 0), self.partial.eq(begun),
+            changed.eq(begun & (word.channel != sample.p.channel)), place.eq(Mux(changed, 0, index)),
             ends.eq(place == self._count - 1),
-            load.p.address.eq(self._first + place), load.p.data.eq(words.p.data),
-            self.bad.eq(taken & (changed | words.p.last & ~ends) | begun & ~self.enable)]
+            load.p.address.eq(self._first + place), load.p.data.eq(word.data),
+            self.bad.eq(loads & (changed | word.last & ~ends) | begun & ~self.enable)]
         with m.If(sample.ready):
             m.d.sync += sample.valid.eq(0)
-        with m.If(taken):
-            m.d.sync += [sample.valid.eq(ends), sample.p.last.eq(words.p.last), sample.p.channel.eq(words.p.channel),
-                         index.eq(Mux(ends | words.p.last, 0, place + 1))]
+        with m.If(loads):
+            m.d.sync += [sample.valid.eq(ends), sample.p.last.eq(word.last), sample.p.channel.eq(word.channel),
+                         index.eq(Mux(ends | word.last, 0, place + 1))]
         with m.If(~self.enable):
             m.d.sync += index.eq(0)
         return m

@@ -1,7 +1,7 @@
 """A core behind a bus: AXI4-Lite, and AXI4-Streams of samples and answers."""
 
 from amaranth import *
-from amaranth.lib import wiring
+from amaranth.lib import stream, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import exact_log2
@@ -14,9 +14,7 @@ from strapdown.bus import (
     AnswerSender,
     AxiLiteSlave,
     SampleFramer,
-    SkidBuffer,
     StartControl,
-    StreamRegister,
     stream_words,
 )
 from strapdown.config import Config
@@ -25,7 +23,7 @@ from strapdown.kernel.description import Port, Section, program_facts, program_s
 from .catalogue import main_module, make_core
 from .core import Core
 from .registers import register_table
-from .top import Control, Top, Wrapper
+from .top import Control, Top, Wrapper, through
 
 __all__ = ["AXI_CONTROL", "AxiCore", "axi_core"]
 
@@ -152,8 +150,8 @@ class AxiCore(Wrapper):
         m.submodules.slave = slave = self._slave()
         restarting = self._reset(m, slave)
         m.submodules.starts = starts = DomainRenamer("core")(StartControl(self.capacity, self._channel_bits))
-        self._bus(m, slave)
-        self._inputs(m, slave, starts)
+        m.d.comb += through(self, slave, {port.name: port.name.removeprefix("s_axi_") for port in LITE_PORTS})
+        self._inputs(m, slave, starts, restarting)
         if self._streams:
             self._in_and_out(m, slave, starts, restarting)
         self._commands(m, slave, starts, restarting)
@@ -174,77 +172,60 @@ class AxiCore(Wrapper):
         m.d.comb += [ClockSignal("core").eq(ClockSignal()), ResetSignal("core").eq(restarting)]
         return restarting
 
-    def _bus(self, m, slave):
-        """The flat ports of the AXI4-Lite slave."""
-        m.d.comb += [
-            slave.aw.valid.eq(self.s_axi_awvalid), self.s_axi_awready.eq(slave.aw.ready),
-            slave.aw.payload.eq(self.s_axi_awaddr[PLACE:]),
-            slave.w.valid.eq(self.s_axi_wvalid), self.s_axi_wready.eq(slave.w.ready),
-            slave.w.p.data.eq(self.s_axi_wdata), slave.w.p.strobe.eq(self.s_axi_wstrb),
-            self.s_axi_bvalid.eq(slave.b.valid), self.s_axi_bresp.eq(slave.b.payload),
-            slave.b.ready.eq(self.s_axi_bready),
-            slave.ar.valid.eq(self.s_axi_arvalid), self.s_axi_arready.eq(slave.ar.ready),
-            slave.ar.payload.eq(self.s_axi_araddr[PLACE:]),
-            self.s_axi_rvalid.eq(slave.r.valid), self.s_axi_rdata.eq(slave.r.p.data),
-            self.s_axi_rresp.eq(slave.r.p.response), slave.r.ready.eq(self.s_axi_rready)]
-
-    def _inputs(self, m, slave, starts):
+    def _inputs(self, m, slave, starts, restarting):
         """The engine, and its inputs from the registers."""
         m.submodules.engine = DomainRenamer("core")(self.engine)
         engine, system = self.engine, self.system
         for word in self._table.inputs:
-            registers = [getattr(slave, register.name.lower()) for register in word.registers]
-            m.d.comb += getattr(engine, word.port).eq(Cat(registers))
-        m.d.comb += [getattr(engine, system.start).eq(starts.start), starts.finish.eq(getattr(engine, system.finish))]
+            m.d.comb += getattr(engine, word.port).eq(Cat(slave.field(register.name) for register in word.registers))
+        m.d.comb += [getattr(engine, system.start).eq(starts.start & ~restarting),
+                     starts.finish.eq(getattr(engine, system.finish))]
         if self._channel_bits:
             m.d.comb += [engine.in_channel.eq(starts.start_channel), starts.ready.eq(engine.in_ready),
-                         starts.channel.eq(slave.channel)]
+                         starts.channel.eq(slave.field("CHANNEL"))]
         else:
             # An engine without a port for it is ready if it is idle and its recovery from the reset is over.
-            recovered = Signal(range(self.engine.recovery + 1), name="recovered")
-            with m.If(recovered != self.engine.recovery):
-                m.d.core += recovered.eq(recovered + 1)
-            m.d.comb += starts.ready.eq((recovered == self.engine.recovery) & ~starts.in_flight)
+            recovered = Signal(engine.recovery)
+            m.d.core += recovered.eq(Cat(C(1), recovered))
+            m.d.comb += starts.ready.eq(recovered[-1] & ~starts.in_flight)
 
     def _in_and_out(self, m, slave, starts, restarting):
         """The streams: samples to the registers, and answers from the outputs."""
         engine, table, bits = self.engine, self._table, self._channel_bits
-        words = stream_words(bits)
         first = table.samples[0].registers[0].address >> PLACE
-        m.submodules.samples = samples = DomainRenamer("core")(SkidBuffer(words))
         m.submodules.framer = framer = DomainRenamer("core")(SampleFramer(table.sample_words, first, bits))
         m.submodules.sender = sender = DomainRenamer("core")(AnswerSender(table.answer_words, bits))
-        # It keeps an offered word over a reset of the core.
-        m.submodules.answers = answers = StreamRegister(words)
-        wiring.connect(m, samples.output, framer.words)
         wiring.connect(m, framer.load, slave.load)
         wiring.connect(m, framer.sample, starts.sample)
         m.d.comb += [
-            samples.input.valid.eq(self.s_axis_tvalid), self.s_axis_tready.eq(samples.input.ready),
-            samples.input.p.data.eq(self.s_axis_tdata), samples.input.p.last.eq(self.s_axis_tlast),
-            self.m_axis_tvalid.eq(answers.output.valid), answers.output.ready.eq(self.m_axis_tready),
-            self.m_axis_tdata.eq(answers.output.p.data), self.m_axis_tlast.eq(answers.output.p.last),
-            framer.enable.eq(slave.control_stream), slave.locked.eq(slave.control_stream),
+            framer.words.valid.eq(self.s_axis_tvalid), self.s_axis_tready.eq(framer.words.ready),
+            framer.words.p.data.eq(self.s_axis_tdata), framer.words.p.last.eq(self.s_axis_tlast),
+            framer.enable.eq(slave.field("CONTROL", "stream")), slave.locked.eq(slave.field("CONTROL", "stream")),
             slave.interrupt_flags_bad_frame_set.eq(framer.bad & ~restarting),
-            sender.send.eq(starts.answer), sender.last.eq(starts.last), sender.words.eq(Cat(self._answer())),
-            slave.status_streaming.eq((framer.partial | starts.answering) & ~restarting | answers.output.valid)]
+            sender.send.eq(starts.answer), sender.last.eq(starts.last), sender.words.eq(Cat(self._answer()))]
         if bits:
-            m.d.comb += [samples.input.p.channel.eq(self.s_axis_tid), self.m_axis_tid.eq(answers.output.p.channel),
-                         sender.channel.eq(engine.out_channel)]
-        last_word = Signal()
-        if self.capacity == 1:
-            # The outputs hold until the answer is out, because the next update waits.
-            m.d.comb += [answers.input.valid.eq(sender.answer.valid), answers.input.payload.eq(sender.answer.payload),
-                         sender.answer.ready.eq(answers.input.ready), last_word.eq(sender.final)]
-        else:
-            # The next update does not wait, so the answers do. There is room for all that can be in flight.
-            depth = self.capacity * table.answer_words
-            m.submodules.store = store = DomainRenamer("core")(SyncFIFOBuffered(width=words.size + 1, depth=depth))
-            m.d.comb += [store.w_en.eq(sender.answer.valid), sender.answer.ready.eq(store.w_rdy),
-                         store.w_data.eq(Cat(sender.answer.payload, sender.final)),
-                         answers.input.valid.eq(store.r_rdy), store.r_en.eq(answers.input.ready),
-                         Cat(answers.input.payload, last_word).eq(store.r_data)]
-        m.d.comb += starts.answered.eq(answers.input.valid & answers.input.ready & last_word)
+            m.d.comb += [framer.words.p.channel.eq(self.s_axis_tid), sender.channel.eq(engine.out_channel)]
+        answer, final = sender.answer, sender.final
+        if self.capacity > 1:
+            # Updates finish while answers wait. There is room for the answers of all that can be in flight.
+            m.submodules.store = store = DomainRenamer("core")(SyncFIFOBuffered(
+                width=len(answer.payload.as_value()) + 1, depth=self.capacity * table.answer_words))
+            stored = stream.Signature(stream_words(bits)).create(path=("stored",))
+            final = Signal(name="stored_final")
+            m.d.comb += [store.w_en.eq(answer.valid), answer.ready.eq(store.w_rdy),
+                         store.w_data.eq(Cat(answer.payload.as_value(), sender.final)), store.r_en.eq(stored.ready),
+                         stored.valid.eq(store.r_rdy), Cat(stored.payload.as_value(), final).eq(store.r_data)]
+            answer = stored
+        m.d.comb += [
+            answer.ready.eq(~self.m_axis_tvalid | self.m_axis_tready),
+            starts.answered.eq(answer.valid & answer.ready & final),
+            slave.status_streaming.eq((framer.partial | starts.answering) & ~restarting | self.m_axis_tvalid)]
+        # An offered word is not taken back, even by a reset of the core.
+        with m.If(answer.ready):
+            m.d.sync += [self.m_axis_tvalid.eq(answer.valid & ~restarting), self.m_axis_tdata.eq(answer.p.data),
+                         self.m_axis_tlast.eq(answer.p.last)]
+            if bits:
+                m.d.sync += self.m_axis_tid.eq(answer.p.channel)
 
     def _answer(self):
         """The words of an answer: outputs, then the status."""
@@ -294,11 +275,12 @@ class AxiCore(Wrapper):
             for part, register in enumerate(word.registers):
                 sources[register.name] = getattr(engine, word.port).word_select(part, REGISTER_BITS)
         for name, source in sources.items():
-            copy = Signal(len(source), name=name.lower(), init=table[name].reset)
-            with m.If(slave.control_snapshot):
-                m.d.sync += copy.eq(source)
             for field in table[name].fields:
-                m.d.comb += slave.field(name, field.name).eq(copy[field.low:field.high + 1])
+                shown = slave.field(name, field.name)
+                copy = Signal(field.width, name=shown.name, init=field.reset)
+                m.d.comb += shown.eq(copy)
+                with m.If(slave.control_snapshot):
+                    m.d.sync += copy.eq(source[field.low:field.high + 1])
 
 
 def _padded(value):
