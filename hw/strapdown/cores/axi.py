@@ -127,6 +127,11 @@ class AxiCore(Wrapper):
         return 1 if self.channels == 1 else self.program.schedule.stages + 1
 
     @property
+    def stream_interval(self):
+        """Cycles from one update of the stream to the next, if no side of the streams waits."""
+        return self.latency + self._table.answer_words + 2 if self.channels == 1 else self.engine.interval
+
+    @property
     def sections(self):
         """Registers, streams, timing and microprogram."""
         table = self._table

@@ -9,7 +9,7 @@ from functools import cache
 
 from cocotb_tools.runner import get_results, get_runner
 
-from strapdown.cores import CONFIGS, make_core
+from strapdown.cores import CONFIGS, axi_core, main_module, make_core
 from strapdown.export import write_core
 from strapdown.files import written_whole
 
@@ -26,7 +26,12 @@ MONTH_S = 30 * 24 * 3600
 def core_under_test():
     """For benches: the core under simulation, and its configuration."""
     config = CONFIGS[os.environ[CONFIG]].replace(**json.loads(os.environ[CHANGES]))
-    return make_core(os.environ[MODULE], config), config
+    return _made(os.environ[MODULE], config), config
+
+
+def _made(module, config):
+    """A module of a configuration, or its main module behind a bus."""
+    return axi_core(config) if module == f"{main_module(config)}_axi" else make_core(module, config)
 
 
 def run_bench(benches, module, config, simulator, directory, *, changes=None, waves=False, language="2001"):
@@ -37,7 +42,7 @@ def run_bench(benches, module, config, simulator, directory, *, changes=None, wa
     benches : list of str
         Names of the Python modules with the benches.
     module, config : str
-        Verilog module and named configuration.
+        Verilog module and named configuration. The main module with ``_axi`` is the core behind its bus.
     simulator : str
         "icarus" or "verilator".
     directory : Path
@@ -55,7 +60,7 @@ def run_bench(benches, module, config, simulator, directory, *, changes=None, wa
     """
     changes = changes or {}
     changed = CONFIGS[config].replace(**changes)
-    verilog = write_core(make_core(module, changed), changed, directory, "")
+    verilog = write_core(_made(module, changed), changed, directory, "")
     build = directory / "build"
     runtime = directory.parent / ("runtime-waves" if waves else "runtime")
     _copy_objects(runtime, build)
