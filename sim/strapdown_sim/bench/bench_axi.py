@@ -18,8 +18,11 @@ core = top.component
 table, system = core.table, core.system
 OKAY, SLVERR = 0, 2
 PERIOD_NS = 10
-UPDATES = 40
+
+UPDATES = min(200, 51_200_000 // (core.latency * core.program.format.width**2))
+"""As in the bench for all cores."""
 MANY = np.iinfo(np.int32).max
+
 
 
 class Bench:
@@ -91,7 +94,9 @@ class Bench:
 
     async def receive(self, count):
         """Answers of the stream, the channels of their words by column, and whether each word ended a packet."""
-        words, channels, last = [], [], []
+        words: list = []
+        channels: list = []
+        last: list = []
         while len(words) < count:
             packet = await self.sink.recv(compact=False)
             words += packet.tdata
@@ -197,7 +202,7 @@ async def snapshots_are_of_one_update(dut):
     count = 30
     rows, channels, answers = samples(count)
     bench.source.send_nowait(frame(rows, channels))
-    seen = set()
+    seen: set = set()
     while len(seen) < count - 2:
         # With stream off, no sample would start.
         await bench.command("stream", "snapshot")
@@ -349,13 +354,14 @@ async def interrupt(dut):
         await bench.command("start")
         await bench.cycles(core.latency - early)
         bench.master.init_write(table["INTERRUPT_FLAGS"].address, finish.to_bytes(4, "little"))
-        sets = acts = None
+        sets = acts = -1
         for cycle in range(40):
             await FallingEdge(dut.aclk)
             if dut.slave.interrupt_flags_finish_set.value:
                 sets = cycle
             if dut.s_axi_wvalid.value and dut.s_axi_wready.value:
                 acts = cycle + 1
+        assert min(sets, acts) >= 0
         assert await bench.read("INTERRUPT_FLAGS") == (0 if acts > sets else finish)
         met += acts == sets
         await bench.flags()
@@ -454,7 +460,7 @@ async def one_access_per_cycle(dut):
         getattr(dut, f"s_axi_{channel}valid").value = 0
     await reset(dut)
     count, addresses = 20, [register.address for register in table]
-    answers = {"b": [], "r": []}
+    answers: dict = {"b": [], "r": []}
     dut.s_axi_bready.value = dut.s_axi_rready.value = 1
     for cycle in range(count + 4):
         going = cycle < count
