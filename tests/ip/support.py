@@ -15,19 +15,20 @@ DRIVER = ("-D_POSIX_C_SOURCE=200809L", "-Os")
 
 
 def tool(*command):
-    """Run a compiler, which must succeed without a message."""
+    """What a tool prints; it must succeed without a warning."""
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout + done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
 
 
-def build(table, folder, sources, *flags, compiler="gcc"):
-    """A program of the driver, run.c and other files of this folder; returns its path, and that of the object."""
+def build(table, folder, sources, *flags, compiler="gcc", program="run.c"):
+    """A program of the driver and other files of this folder; returns its path, and that of the driver's object."""
     for name, text in (driver_files(table) | register_files(table)).items():
         (folder / name).write_text(text, encoding="utf-8")
     flags = [*STRICT, *DRIVER, *flags, f"-I{folder}", f"-I{HERE}", f'-DCORE_HEADER="{table.name}.h"',
              f"-DCORE_MAP={table.name.upper()}_MAP"]
     tool(compiler, *flags, "-c", folder / "strapdown.c", "-o", folder / "strapdown.o")
-    tool(compiler, *flags, "-o", folder / "run", folder / "strapdown.o", HERE / "run.c",
+    tool(compiler, *flags, "-o", folder / "run", folder / "strapdown.o", HERE / program,
          *(HERE / name for name in sources))
     return folder / "run", folder / "strapdown.o"
 
