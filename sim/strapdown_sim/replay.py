@@ -33,7 +33,7 @@ from .reference.attitude import euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS
 from .truth import REFERENCES
 
-__all__ = ["Replay", "replay"]
+__all__ = ["Replay", "for_recording", "port_inputs", "replay", "write_attitude"]
 
 
 @dataclass(frozen=True)
@@ -106,20 +106,11 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     module = main_module(config)
     if module in config.assemblies():
         raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
-    config = _for_recording(config, recording)
-    if config.channels > 1:
-        raise ConfigError(f"{module} takes the samples of {config.channels} sensors, and a recording has one: "
-                          "replay it with channels=1")
-    mag = np.zeros((count, 3)) if recording.mag is None else recording.mag
-    vectors = {"a": recording.accel, "m": mag, "g": recording.gyro_deg_s} | config.constant_inputs()
-    system = system_of(module, config)
-    timed = {name: values for name, values in (("period", recording.period_s), ("mag_valid", recording.mag_new))
-             if values is not None and name in system.inputs}
-    vectors |= timed
-    if unknown := [name for name in system.inputs if name not in vectors]:
-        raise ConfigError(f"{module} has an input {unknown[0]!r}, and a recording has only a, m and g: give it a value "
-                          f"in constant_inputs of {type(config).__name__}")
+    config = for_recording(config, recording)
+    inputs = port_inputs(recording, config)
     core = make_core(module, config)
+    system = core.system
+    timed = _timed(recording, system)
     if command:
         inputs_set = (word for name in TIMED_INPUTS if getattr(config, name, False)
                       for word in ("--set", f"{name}=true"))
@@ -128,7 +119,6 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         model = CoreModel(core, write_core(core, config, partial, shlex.join(command)), build)
         progress("build", 1, 1)
 
-        inputs = system.bind(**{name: vectors[name] for name in system.inputs})
         result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
 
         progress("compare", 0, 2)
@@ -154,7 +144,7 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         if module in REFERENCES:
             arguments = {_REFERENCE_ARGUMENTS[name]: values for name, values in timed.items()}
             found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
-                recording.accel, mag, recording.gyro_deg_s, **arguments), partial, title, summary)
+                recording.accel, _mag(recording), recording.gyro_deg_s, **arguments), partial, title, summary)
         else:
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
@@ -170,7 +160,7 @@ _REFERENCE_ARGUMENTS = {"period": "period_s", "mag_valid": "mag_valid"}
 """Kernel's name of such an input to the argument of the reference."""
 
 
-def _for_recording(config, recording):
+def for_recording(config: Config, recording: Recording) -> Config:
     """The configuration with the recording's rate, and with the inputs of TIMED_INPUTS unless it says otherwise."""
     inputs = {name: True for name, part in TIMED_INPUTS.items()
               if name in type(config).model_fields and name not in config.model_fields_set
@@ -184,6 +174,37 @@ def _time_summary(timing, fed):
             "longest_gap_s": timing.longest_gap_s, "bridge_error_deg": timing.bridge_error_deg,
             "each_sample_has_its_period": fed,
             "one_rate_error_deg": 0.0 if fed else timing.one_rate_error_deg}
+
+
+def port_inputs(recording: Recording, config: Config) -> dict[str, np.ndarray]:
+    """Numbers of a recording for all input ports of the main module of a configuration: port to array, shape (N,).
+
+    ``config`` is that of ``for_recording``. The inputs are those of ``replay``.
+
+    Raises: ConfigError for a configuration of several channels, or with inputs that a recording does not have.
+    """
+    module = main_module(config)
+    if config.channels > 1:
+        raise ConfigError(f"{module} takes the samples of {config.channels} sensors, and a recording has one: "
+                          "replay it with channels=1")
+    system = system_of(module, config)
+    vectors = ({"a": recording.accel, "m": _mag(recording), "g": recording.gyro_deg_s} | config.constant_inputs()
+               | _timed(recording, system))
+    if unknown := [name for name in system.inputs if name not in vectors]:
+        raise ConfigError(f"{module} has an input {unknown[0]!r}, and a recording has only a, m and g: give it a value "
+                          f"in constant_inputs of {type(config).__name__}")
+    return system.bind(**{name: vectors[name] for name in system.inputs})
+
+
+def _timed(recording, system):
+    """The parts of a recording that feed inputs of a system beside the sensors, by the kernel's names."""
+    return {name: values for name, values in (("period", recording.period_s), ("mag_valid", recording.mag_new))
+            if values is not None and name in system.inputs}
+
+
+def _mag(recording):
+    """The magnetometer of a recording; zeros for one without."""
+    return np.zeros_like(recording.accel) if recording.mag is None else recording.mag
 
 
 def _status_counts(engine, result):
@@ -219,9 +240,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
 
-    columns = {f"q{index}": (quaternion[:, index], 9) for index in range(4)}
-    columns |= {name: (angles[:, index], 6) for name, index in (("pitch", 1), ("roll", 0), ("yaw", 2))}
-    _write_csv(directory / "attitude.csv", recording.time_s, columns)
+    write_attitude(directory / "attitude.csv", recording, outputs)
     attitude_picture(
         directory / "attitude.png", title=title, time_s=recording.time_s, hardware=angles,
         reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1), rotation=difference,
@@ -229,6 +248,14 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         device=None if recording.reference is None else device,
         labels=("hardware", "float64 reference", recording.reference.meaning if recording.reference else ""))
     return Replay(outputs, summary, quaternion, angles)
+
+
+def write_attitude(path: Path, recording: Recording, outputs: dict) -> None:
+    """Write the file attitude.csv of a replay: ``outputs`` of a core with the circuit's matrix and angles, by name."""
+    quaternion, angles = quaternion_from_matrix(outputs["c"]), outputs["angles"].astype(float)
+    columns = {f"q{index}": (quaternion[:, index], 9) for index in range(4)}
+    columns |= {name: (angles[:, index], 6) for index, name in enumerate(("pitch", "roll", "yaw"))}
+    _write_csv(path, recording.time_s, columns)
 
 
 def _outputs(recording, system, result, truth, directory, title, summary):

@@ -3,7 +3,7 @@
 from pprint import pformat
 
 from strapdown.ascii import ascii_text
-from strapdown.bus import Access, RegisterTable
+from strapdown.bus import TABLE_SIZE, Access, RegisterTable
 
 __all__ = ["text"]
 
@@ -11,9 +11,10 @@ __all__ = ["text"]
 def text(table: RegisterTable) -> str:
     """The module NAME_map.py of a table NAME.
 
-    It has ``NAME``, ``CONFIGURATION`` and the dicts ``REGISTERS`` (name to offset in bytes), ``FIELDS`` (register to
-    field to lowest bit and width) and ``CONSTANTS`` (register to value); and ``SAMPLES``, ``PARAMETERS`` and
-    ``OUTPUTS``: port, offset of its first word, number of words, and format of each, in the order of a stream.
+    It has ``NAME``, ``CONFIGURATION``, ``SIZE`` (bytes of the address range) and the dicts ``REGISTERS`` (name to
+    offset in bytes), ``FIELDS`` (register to field to lowest bit and width) and ``CONSTANTS`` (register to value); and
+    ``SAMPLES``, ``PARAMETERS`` and ``OUTPUTS``: port, offset of its first word, number of words, and format of each, in
+    the order of a stream.
     """
     def ports(words):
         return tuple((word.port, word.registers[0].address, len(word.registers), word.format) for word in words)
@@ -21,6 +22,7 @@ def text(table: RegisterTable) -> str:
     values = {
         "NAME": table.name,
         "CONFIGURATION": table.configuration,
+        "SIZE": TABLE_SIZE,
         "REGISTERS": {register.name: register.address for register in table},
         "FIELDS": {register.name: {field.name: (field.low, field.width) for field in register.fields}
                    for register in table.common},

@@ -9,7 +9,7 @@
 //
 //   'R' read        half-word: address. Answer: response, data
 //   'W' write       half-word: address; word: data; strobes. Answer: response, 0
-//   'N' wait        word: cycles. Answer: irq, number of this cycle
+//   'N' wait        word: cycles. Answer: irq, and words that wait to be sent << 1; number of this cycle
 //   'I' interrupt   word: most cycles until irq is high. Answer: irq, number of this cycle
 //   'S' send        word: data of a word of the sample stream; half-word: 1 for TLAST, and TID << 1. It goes in while
 //                   the clock runs, which is during all other operations. Answer: words that wait, 0
@@ -214,7 +214,7 @@ static Answer serve(const Request &request) {
     case 'W': return write(request);
     case 'N':
         while (count--) tick();
-        return {(uint32_t)dut->irq, (uint32_t)cycle};
+        return {(uint32_t)dut->irq | (uint32_t)samples.size() << 1, (uint32_t)cycle};
     case 'I':
         while (!dut->irq && count--) tick();
         return {(uint32_t)dut->irq, (uint32_t)cycle};

@@ -92,7 +92,8 @@ class Bus:
 
     def wait(self, cycles: int) -> tuple[int, int]:
         """Runs the clock. Returns the level of irq and the number of the cycle."""
-        return self._one(WAIT, word=cycles)
+        code, cycle = self._one(WAIT, word=cycles)
+        return code & 1, cycle
 
     def interrupt(self, limit: int = PATIENCE) -> tuple[int, int]:
         """Runs the clock until irq is high, at most ``limit`` cycles. Returns as ``wait``."""

@@ -1,0 +1,79 @@
+"""The class for PYNQ on the real ``pynq``, in its own environment, whose device is the circuit: tests/ip/board.py."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from strapdown.cores import CONFIGS, THESIS, OpticalConfig, main_module
+from strapdown.ip.places import Places
+from strapdown.ip.python_map import text
+from strapdown_sim.drivers.bus import answer_words
+
+from .support import HERE
+
+pytestmark = pytest.mark.ip
+
+SAMPLES = 200
+
+
+@pytest.fixture
+def board(make_bus, root, tmp_path):
+    """Runs a task of board.py on samples of which some are refused; returns what it wrote, and the twin's answers."""
+    top, model = make_bus(THESIS)
+    system, rng = top.component.system, np.random.default_rng(21)
+    recording = {port: rng.normal(size=SAMPLES).astype(np.float32) for port in system.input_ports}
+    recording["in_accx"][[3, 60]] = np.nan
+    result, _ = system.run(top.component.program.schedule.pool, recording)
+    np.savez(tmp_path / "recording.npz", **recording)
+    (tmp_path / "model.json").write_text(json.dumps(model.command(seed=12, stalls=20)), encoding="utf-8")
+    (tmp_path / "INS_top_axi_map.py").write_text(text(top.component.table), encoding="utf-8")
+
+    def run(task, *arguments):
+        done = subprocess.run([root / ".venv-pynq/bin/python", HERE / "board.py", task, tmp_path, *map(str, arguments)],
+                              capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return tmp_path, answer_words(top, result)
+    return run
+
+
+def test_updates_by_register(board):
+    folder, answers = board("register")
+    found = np.load(folder / "answers.npz")
+    assert np.array_equal(found["words"], answers)
+    assert np.array_equal(found["numbers"], np.arange(1, SAMPLES + 1))
+
+
+@pytest.mark.parametrize(("length_width", "transfers"), [
+    (14, [SAMPLES * 36]),
+    # 2^10 - 1 bytes hold 19 answers of 52 bytes.
+    (10, [19 * 36] * 10 + [10 * 36]),
+])
+def test_a_recording_by_dma(board, length_width, transfers):
+    folder, answers = board("dma", length_width)
+    found = np.load(folder / "answers.npz")
+    assert found["transfers"].tolist() == transfers
+    assert np.array_equal(found["words"], answers)
+
+
+def test_errors(board):
+    folder, _ = board("errors")
+    told = json.loads((folder / "told.json").read_text(encoding="utf-8"))
+    cores = {main_module(config) for config in CONFIGS.values() if not isinstance(config, OpticalConfig)}
+    assert {str(Places(f"{core}_axi").vlnv) for core in cores if not core.endswith("_x8")} <= set(told.pop("bound"))
+    assert told == {
+        "IDENTITY": "DriverError: there is no core at this address: IDENTITY reads 0x50525453",
+        "VERSION": "DriverError: the map is for version 0x00000000 of the registers, and the core has 0x00010000",
+        "CONFIGURATION": "DriverError: the core was generated with another configuration than INS_top_axi_map.py: use "
+                         "the map from the folder of its package",
+        "parameter": "TypeError: INS_top_axi has no parameter 'kp': it has none",
+        "channel": "DriverError: INS_top_axi has no channel 1: it has 1",
+        "sample": "KeyError: 'in_accy'",
+        "busy": "DriverError: the core is busy, or takes its samples from the stream",
+        "late": "DriverError: the update did not finish",
+        "dma": "DriverError: the DMA engine moves at most 31 bytes at once, and a sample or an answer has 52: raise "
+               "its c_sg_length_width",
+        "channels": "DriverError: INS_top_axi has several channels, which this DMA engine cannot tell apart",
+        "streams": "DriverError: INS_top_axi was generated without streams",
+    }
