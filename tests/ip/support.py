@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strapdown.ip.package import driver_files, register_files
+from strapdown.ip.package import driver_files, linux_files, register_files
 
 HERE = Path(__file__).parent
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
@@ -23,7 +23,7 @@ def tool(*command):
 
 def build(table, folder, sources, *flags, compiler="gcc", program="run.c"):
     """A program of the driver and other files of this folder; returns its path, and that of the driver's object."""
-    for name, text in (driver_files(table) | register_files(table)).items():
+    for name, text in (driver_files(table) | linux_files(table) | register_files(table)).items():
         (folder / name).write_text(text, encoding="utf-8")
     flags = [*STRICT, *DRIVER, *flags, f"-I{folder}", f"-I{HERE}", f'-DCORE_HEADER="{table.name}.h"',
              f"-DCORE_MAP={table.name.upper()}_MAP"]

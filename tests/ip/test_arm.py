@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from strapdown.cores import THESIS
+from strapdown.ip import device_tree
 
 from .support import assert_answers, build, run, tool
 from .test_driver import updates
@@ -50,3 +51,30 @@ def test_stores_of_bytes_are_refused(make_bus, tmp_path):
     words, done = run(program, model, np.zeros(0), before=EMULATOR)
     assert (words.size, done.returncode) == (0, 5)
     assert re.match(rb"refused: not a load or store of a word, code [0-9a-f]{8}, register 00c\n", done.stderr)
+
+
+def test_interrupts_of_linux(make_bus, tmp_path):
+    """The driver for /dev/uio waits for the interrupt of the circuit; tests/ip/uio.c stands in for the kernel."""
+    top, model = make_bus(THESIS)
+    samples, answers = updates(top, 50)
+    calls = ("open", "mmap", "munmap", "read", "write", "poll", "close")
+    program, _ = build(top.component.table, tmp_path, ["trap.c", tmp_path / "strapdown_uio.c"], *FLAGS,
+                       "-Wl," + ",".join(f"--wrap={call}" for call in calls), compiler=COMPILER, program="uio.c")
+    words, done = run(program, model, samples, before=EMULATOR, seed=10, stalls=30)
+    assert done.returncode == 0, done.stderr
+    assert np.array_equal(words.reshape(answers.shape), answers)
+
+
+def test_device_tree(make_bus, tmp_path):
+    """The node compiles, in a tree and as an overlay, to what a Zynq needs."""
+    table = make_bus(THESIS)[0].component.table
+    node = device_tree.text(table, 0x43C0_0000)
+    labels = ("/dts-v1/;\n/ { amba: axi { #address-cells = <1>; #size-cells = <1>; "
+              "intc: interrupt-controller {}; }; };\n")
+    for name, head in ("tree", labels), ("overlay", "/dts-v1/;\n/plugin/;\n"):
+        (tmp_path / f"{name}.dts").write_text(head + node, encoding="ascii")
+        tool("dtc", "-q", "-@", "-O", "dtb", "-o", tmp_path / f"{name}.dtb", tmp_path / f"{name}.dts")
+    text = tool("dtc", "-q", "-I", "dtb", "-O", "dts", tmp_path / "tree.dtb")
+    for line in ("navigation@43c00000 {", 'compatible = "generic-uio";', "reg = <0x43c00000 0x1000>;",
+                 "interrupts = <0x00 0x1d 0x04>;"):
+        assert line in text

@@ -9,13 +9,13 @@ from strapdown.cores import Top
 from strapdown.export import write
 from strapdown.files import written_together
 
-from . import c_header, page, python_map, rdl
+from . import c_header, device_tree, page, python_map, rdl
 from .bench import bench
 from .component import component
 from .places import Places
-from .scripts import scripts
+from .scripts import ADDRESS, scripts
 
-__all__ = ["driver_files", "register_files", "write_package"]
+__all__ = ["driver_files", "linux_files", "register_files", "write_package"]
 
 
 def register_files(table: RegisterTable) -> dict[str, str]:
@@ -26,9 +26,18 @@ def register_files(table: RegisterTable) -> dict[str, str]:
 
 def driver_files(table: RegisterTable) -> dict[str, str]:
     """Maps the name of each file of the driver in C to its text; ``register_files`` has the header of the core."""
-    sources = sorted((files(__package__) / "driver").iterdir(), key=lambda path: path.name)
-    return ({path.name: path.read_text(encoding="utf-8") for path in sources}
-            | {f"{c_header.DRIVER_TABLE}.h": c_header.text(c_header.driver_table(table))})
+    return _texts("driver") | {f"{c_header.DRIVER_TABLE}.h": c_header.text(c_header.driver_table(table))}
+
+
+def linux_files(table: RegisterTable) -> dict[str, str]:
+    """Maps the name of each file for Linux to its text: the driver for /dev/uio, and the node of the device tree."""
+    return _texts("linux") | {f"{table.name}.dtsi": device_tree.text(table, ADDRESS)}
+
+
+def _texts(folder):
+    """Maps the name of each file of a folder beside this module to its text."""
+    sources = sorted((files(__package__) / folder).iterdir(), key=lambda path: path.name)
+    return {path.name: path.read_text(encoding="utf-8") for path in sources if path.is_file()}
 
 
 def write_package(top: Top, config: Config, directory: Path, *, command: str) -> Path:
@@ -57,6 +66,7 @@ def write_package(top: Top, config: Config, directory: Path, *, command: str) ->
     texts = {
         places.component: component(top, places, drivers),
         **{f"registers/{file}": text for file, text in register_files(table).items()},
+        **{f"linux/{file}": text for file, text in linux_files(table).items()},
         **scripts(top, places), **bench(top, config, places), **drivers}
     with written_together(directory) as partial:
         write(top, partial / places.hdl, command=command, config=config)

@@ -22,7 +22,8 @@ enum {
     STRAPDOWN_BUSY = -4,          /* an update runs, or the samples come from the stream: nothing was started */
     STRAPDOWN_TIMEOUT = -5,       /* the update did not finish within the bound */
     STRAPDOWN_REFUSED = -6,       /* the update was refused: outputs and state are those of the one before */
-    STRAPDOWN_CHANNEL = -7        /* the core has no such channel */
+    STRAPDOWN_CHANNEL = -7,       /* the core has no such channel */
+    STRAPDOWN_SYSTEM = -8         /* the operating system does not permit it: errno tells why */
 };
 
 /* What differs between cores: offsets in bytes, and numbers of words. What a core lacks is zero. */
