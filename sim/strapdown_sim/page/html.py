@@ -1,0 +1,161 @@
+"""Writes the page: curves by plotly, and an attitude view on a canvas; the page needs no network."""
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+__all__ = ["Curve", "MissingPlotlyError", "Panel", "write_page"]
+
+POINTS = 4000
+"""Most points of a curve. In a longer run each of half as many groups keeps its smallest and its largest value."""
+
+COLOURS = ("#10243e", "#cc6633", "#3d85c6", "#448855", "#8e5ea2", "#b8860b")
+ROW, STATUS_ROW = 200, 16
+"""Height of a panel, and of a status bit, pixels."""
+
+TO_ENU = {"NWU": ((0, -1, 0), (1, 0, 0), (0, 0, 1)), "ENU": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+          "NED": ((0, 1, 0), (1, 0, 0), (0, 0, -1))}
+"""Rows: east, north and up in the axes of each navigation frame."""
+
+
+class MissingPlotlyError(ImportError):
+    """plotly is not installed. The message is one line with the command that installs it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve: its name for the legend, and its values, shape (N,); NaN where there is none."""
+
+    name: str
+    values: np.ndarray
+    points: bool = False
+    """Whether to draw points without lines between them."""
+    turns: bool = False
+    """Whether a jump by more than half a turn is a gap: angles in degrees."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves on one vertical axis with its title, which has the unit."""
+
+    title: str
+    curves: Sequence[Curve]
+    logarithmic: bool = False
+
+
+def write_page(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[Panel],
+               status: Mapping[str, np.ndarray], gaps: Sequence[tuple[float, float]] = (),
+               quaternion: np.ndarray | None = None, frame: str = "NWU",
+               facts: Sequence[tuple[str, str]] = ()) -> None:
+    """Write the page of a run.
+
+    Parameters
+    ----------
+    path : Path
+        HTML file to write.
+    title : str
+        Headline.
+    time_s : ndarray, shape (N,)
+        Time, seconds.
+    panels : sequence of Panel
+        Curves, one panel above the other.
+    status : dict
+        Maps the name of each status bit to bools of shape (N,); drawn as bands. Bits that are never set are left out.
+    gaps : sequence of (float, float)
+        Ends of the gaps of the recording, seconds.
+    quaternion : ndarray, shape (N, 4), or None
+        Body to navigation frame, scalar first; None for no attitude view.
+    frame : str
+        Navigation frame: a key of ``TO_ENU``. The body axes are forward, left, up, and in NED forward, right, down.
+    facts : sequence of (str, str)
+        Rows of the table of the run.
+
+    Raises: MissingPlotlyError.
+    """
+    figure = _figure(time_s, panels, {name: bits for name, bits in status.items() if bits.any()}, gaps)
+    attitude = None
+    if quaternion is not None:
+        kept = np.unique(np.linspace(0, len(time_s) - 1, min(POINTS, len(time_s))).astype(int))
+        attitude = {"time": np.round(time_s[kept], 4).tolist(), "quaternion": np.round(quaternion[kept], 4).tolist(),
+                    "enu": TO_ENU[frame], "up": -1 if frame == "NED" else 1}
+    rows = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in facts)
+    source = files(__package__)
+    text = Template((source / "page.html").read_text(encoding="utf-8")).substitute(
+        title=html.escape(title), facts=rows, script=(source / "page.js").read_text(encoding="utf-8"),
+        # The text of a script must not contain the end of the script.
+        attitude=json.dumps(attitude, allow_nan=False).replace("</", "<\\/"),
+        figure=figure.to_html(full_html=False, include_plotlyjs=True, div_id="curves",
+                              config={"responsive": True, "displaylogo": False}))
+    path.write_text(text, encoding="utf-8")
+
+
+def _figure(time_s, panels, status, gaps):
+    """The curves, and the status bits below them, as a figure of plotly."""
+    try:
+        from plotly.graph_objects import Scatter
+        from plotly.subplots import make_subplots
+    except ImportError:
+        raise MissingPlotlyError("the page needs plotly: pip install 'strapdown[html]'") from None
+    heights = [ROW] * len(panels) + ([40 + STATUS_ROW * len(status)] if status else [])
+    figure = make_subplots(rows=len(heights), cols=1, shared_xaxes=True, row_heights=heights,
+                           vertical_spacing=0.02)
+    for row, panel in enumerate(panels, 1):
+        for place, curve in enumerate(panel.curves):
+            time, values = _reduced(time_s, curve)
+            figure.add_trace(Scatter(
+                x=time, y=values, name=curve.name, legendgroup=curve.name, connectgaps=False,
+                showlegend=all(curve.name != other.name for above in panels[:row - 1] for other in above.curves),
+                mode="markers" if curve.points else "lines",
+                marker={"size": 3, "color": COLOURS[place % len(COLOURS)]},
+                line={"width": 1.3, "color": COLOURS[place % len(COLOURS)]}), row=row, col=1)
+        figure.update_yaxes(title_text=panel.title, type="log" if panel.logarithmic else "linear", row=row, col=1)
+    for name, bits in status.items():
+        time, level = _spans(time_s, bits)
+        figure.add_trace(Scatter(x=time, y=[name if set else None for set in level], name=name, mode="lines",
+                                 showlegend=False, connectgaps=False, line={"width": 10, "color": COLOURS[1]}),
+                         row=len(heights), col=1)
+    if status:
+        figure.update_yaxes(type="category", row=len(heights), col=1)
+    for start, end in gaps:
+        figure.add_vrect(x0=start, x1=end, fillcolor="#e06666", opacity=0.35, line_width=0.5, layer="below")
+    figure.update_xaxes(title_text="time (s)", row=len(heights), col=1)
+    figure.update_xaxes(range=[float(time_s[0]), float(time_s[-1])], showspikes=True, spikemode="across",
+                        spikethickness=1, spikecolor="#888888")
+    figure.update_layout(height=sum(heights) + 140, hovermode="x unified", hoversubplots="axis",
+                         template="plotly_white", margin={"l": 90, "r": 20, "t": 60, "b": 50},
+                         legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "x": 0})
+    return figure
+
+
+def _reduced(time_s, curve):
+    """Time and values of at most about ``POINTS`` points: all of a short curve, the extremes of each group of a long
+    one."""
+    values = np.array(curve.values, float)
+    kept = np.arange(len(values))
+    if len(values) > POINTS:
+        groups = np.array_split(values, POINTS // 2)
+        starts = np.cumsum([0, *(len(group) for group in groups[:-1])])
+        extremes = [start + place for start, group in zip(starts, groups, strict=True) if not np.isnan(group).all()
+                    for place in (np.nanargmin(group), np.nanargmax(group))]
+        kept = np.unique(np.array(extremes, int))
+    time, values = time_s[kept], values[kept]
+    if curve.turns and not curve.points:
+        values[1:][np.abs(np.diff(values)) > 180] = np.nan
+    return time, values
+
+
+def _spans(time_s, bits):
+    """Times and levels at both ends of each span in which a bit is set, and a gap after it."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bits, [False]]).astype(int)))
+    time, level = [], []
+    for start, end in edges.reshape(-1, 2):
+        last = time_s[min(end, len(time_s) - 1)]
+        time += [float(time_s[start]), float(last), float(last)]
+        level += [True, True, False]
+    return time, level
