@@ -36,7 +36,8 @@ icarus: # Installs Icarus Verilog from Debian if it is missing and the user may 
 
 demo: setup ## Replay a real recording through generated Verilog; results under build/demo.
 	$(BIN)/python scripts/fetch_recording.py build/recordings
-	$(BIN)/strapdown replay build/recordings/00033_CalInertialAndMag.csv --config mahony --output build/demo
+	$(BIN)/strapdown replay build/recordings/00033_CalInertialAndMag.csv --config mahony --html \
+		--output build/demo
 
 verilog: setup ## Generate all modules of CONFIG into build/verilog/CONFIG.
 	$(BIN)/strapdown generate --config $(CONFIG)
@@ -53,6 +54,7 @@ test: setup icarus ## Run all tests, except those that only `make sim` and `make
 
 test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ.
 	@scripts/install_arm.sh
+	@scripts/install_debian.sh chromium=chromium chromedriver=chromium-driver
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m ip
 

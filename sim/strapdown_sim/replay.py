@@ -27,6 +27,7 @@ from .errors import (
     rotation_angle,
     spread,
 )
+from .page import Curve, Panel, require_plotly, write_page
 from .picture import attitude_picture, outputs_picture
 from .recordings import Recording
 from .reference.attitude import euler_angles, matrix_from_quaternion
@@ -50,16 +51,20 @@ class Replay:
         Sensor to the configuration's navigation frame, scalar first, of the circuit's matrix.
     angles : ndarray, shape (N, 3), or None
         The circuit's roll, pitch and yaw in degrees.
+    panels : tuple of Panel
+        Curves of the run for a page.
     """
 
     outputs: dict
     summary: dict
     quaternion: np.ndarray | None = None
     angles: np.ndarray | None = None
+    panels: tuple[Panel, ...] = ()
 
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
-           command: Sequence[str], progress: Callable[[str, int, int], object] | None = None) -> Replay:
+           command: Sequence[str], html: bool = False,
+           progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
     The core is generated for the recording's sample rate. Its inputs ``a`` (m/s^2), ``m`` (uT) and ``g``
@@ -70,7 +75,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
 
     - for a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
       sensor to earth; pitch, roll, yaw in degrees) and ``attitude.png``;
-    - for any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``.
+    - for any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``;
+    - if asked, ``replay.html``: one self-contained page with all curves, the status bits, and a turning attitude.
 
     The files are moved into the folder after all are written. If the replay fails or is interrupted, the folder does
     not change.
@@ -86,6 +92,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         Folder for compiled models.
     command : sequence of str
         Words of the command line that makes the Verilog again, without module and sample rate; empty for none.
+    html : bool
+        Whether to write ``replay.html``. Needs plotly.
     progress : callable or None
         ``progress(stage, done, total)``, called from time to time; stages are "build", "simulate", "compare".
 
@@ -93,12 +101,14 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     -------
     Replay
 
-    Raises: SimulatorMissingError without g++ or Verilator, and ConfigError for a configuration of several channels,
-    or with inputs that a recording does not have, before any file is made; ToolError if g++ or Verilator fails;
-    OSError if files cannot be written.
+    Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError for a page without plotly, and
+    ConfigError for a configuration of several channels, or with inputs that a recording does not have, before any file
+    is made; ToolError if g++ or Verilator fails; OSError if files cannot be written.
     """
     compiler()
     verilator_root()
+    if html:
+        require_plotly()
     progress = progress or (lambda stage, done, total: None)
     count = len(recording.time_s)
 
@@ -124,7 +134,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         progress("compare", 0, 2)
         outputs, differing = system.read(result), model.differing_bits(inputs, result)
         progress("compare", 1, 2)
-        status = _status_counts(core.engine, result)
+        bits = _status_bits(core.engine, result)
+        status = {name: int(values.sum()) for name, values in bits.items()}
         summary = {
             "recording": recording.name,
             "config": config.name,
@@ -149,6 +160,10 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
                                               encoding="utf-8")
+        if html:
+            write_page(partial / "replay.html", title=title, time_s=recording.time_s, panels=found.panels, status=bits,
+                       gaps=_bridged(recording), quaternion=found.quaternion, frame=getattr(config, "frame", "NWU"),
+                       facts=_facts(found.summary))
     progress("compare", 2, 2)
     return found
 
@@ -207,12 +222,12 @@ def _mag(recording):
     return np.zeros_like(recording.accel) if recording.mag is None else recording.mag
 
 
-def _status_counts(engine, result):
-    """Maps each status bit of an engine to the number of updates with this bit, in the order of the port."""
+def _status_bits(engine, result):
+    """Maps each status bit of an engine to its values, bools of shape (N,), in the order of the port."""
     if not engine.system.status_port:
         return {}
     status = result[engine.system.status_port]
-    return {name: int((status >> bit & 1).sum()) for bit, name in enumerate(engine.status_names)}
+    return {name: (status >> bit & 1).astype(bool) for bit, name in enumerate(engine.status_names)}
 
 
 def _attitude(recording, config, outputs, truth, directory, title, summary):
@@ -226,7 +241,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         "quaternion": "sensor to earth, scalar first",
         "against_float64_reference_deg": spread(difference),
     }
-    device = np.full_like(angles, np.nan)
+    device, panels = np.full_like(angles, np.nan), []
     if recording.reference is not None:
         to_frame = FRAME_QUATERNIONS[config.frame]
         match = match_reference(recording, multiply(conjugate(to_frame), quaternion))
@@ -239,15 +254,28 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
             "total_median": float(np.median(errors.total)) if len(match.sample) else None}
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
+        panels = [Panel("difference (°)", [
+            Curve(f"{name}, from {recording.reference.meaning}", _at(match.sample, getattr(errors, name), len(angles)),
+                  points=True) for name in errors._fields])]
 
     write_attitude(directory / "attitude.csv", recording, outputs)
+    model = np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1)
+    labels = ("hardware", "float64 reference", recording.reference.meaning if recording.reference else "")
     attitude_picture(
-        directory / "attitude.png", title=title, time_s=recording.time_s, hardware=angles,
-        reference_model=np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1), rotation=difference,
-        bridged=_bridged(recording),
-        device=None if recording.reference is None else device,
-        labels=("hardware", "float64 reference", recording.reference.meaning if recording.reference else ""))
-    return Replay(outputs, summary, quaternion, angles)
+        directory / "attitude.png", title=title, time_s=recording.time_s, hardware=angles, reference_model=model,
+        rotation=difference, bridged=_bridged(recording), device=None if recording.reference is None else device,
+        labels=labels)
+    turning = [Panel(f"{name} (°)", [
+        *([Curve(labels[2], device[:, k], points=True, colour="#e0a458")] if recording.reference else []),
+        Curve(labels[1], model[:, k], turns=True, colour="#8fc1ea", width=4),
+        Curve(labels[0], angles[:, k], turns=True, colour="#10243e")])
+        for k, name in enumerate(("roll", "pitch", "yaw"))]
+    panels = [*turning, Panel("hardware from float64 (°)", [Curve("rotation angle", difference)], logarithmic=True),
+              *panels]
+    if "bias" in outputs:
+        panels.append(Panel("bias of the gyro (deg/s)", [
+            Curve(f"bias {axis}", outputs["bias"][:, k]) for k, axis in enumerate("xyz")]))
+    return Replay(outputs, summary, quaternion, angles, tuple(panels))
 
 
 def write_attitude(path: Path, recording: Recording, outputs: dict) -> None:
@@ -271,7 +299,34 @@ def _outputs(recording, system, result, truth, directory, title, summary):
         directory / "outputs.png", title=title, time_s=recording.time_s,
         hardware={port: result[port] for port in system.output_ports}, reference_model=truth,
         meanings=system.port_meanings, bridged=_bridged(recording))
-    return Replay(system.read(result), summary)
+    panels = [Panel(port.removeprefix("out_"), [
+        Curve("kernel in float64", truth[port], turns=turns[port], colour="#8fc1ea", width=4),
+        Curve("hardware", result[port], turns=turns[port], colour="#10243e")]) for port in system.output_ports]
+    return Replay(system.read(result), summary, panels=tuple(panels))
+
+
+def _at(places, values, count):
+    """Values at some samples of ``count``; NaN at the others."""
+    whole = np.full(count, np.nan)
+    whole[places] = values
+    return whole
+
+
+def _facts(summary):
+    """Rows of the table on the page of a run."""
+    yield "recording", summary["recording"]
+    yield "configuration", summary["config"]
+    yield "samples", f"{summary['samples']:,} at {summary['sample_rate_hz']:g} Hz"
+    yield "cycles per update", f"{summary['cycles_per_update']}"
+    yield "refused updates", f"{summary['refused_updates']:,}"
+    yield "bits that differ from the twin", f"{summary['bits_differing_from_twin']:,}"
+    if difference := summary.get("against_float64_reference_deg"):
+        yield "largest angle from float64", f"{difference['max']:.6f}°"
+    if recorded := summary.get("against_recorded_reference_deg"):
+        yield f"from {recorded['reference']}, RMS", ", ".join(
+            f"{name} {recorded[f'{name}_rms']:.2f}°" for name in ("total", "inclination"))
+    for kind, number in summary.get("time", {}).get("faults", {}).items():
+        yield kind, f"{number:,}"
 
 
 def _bridged(recording):

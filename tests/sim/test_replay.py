@@ -16,8 +16,8 @@ from strapdown_sim.replay import replay
 LARGEST_DEG = 0.01
 
 
-def check(recording, folder, models):
-    result = replay(recording, MAHONY, folder, build=models, command=())
+def check(recording, folder, models, **options):
+    result = replay(recording, MAHONY, folder, build=models, command=(), **options)
     summary = result.summary
     assert summary["samples"] == len(recording.time_s) == len(result.quaternion)
     assert summary["bits_differing_from_twin"] == 0
@@ -28,10 +28,12 @@ def check(recording, folder, models):
 
 @pytest.mark.verilator
 def test_x_imu_recording(x_imu_recording, tmp_path, models, root):
-    summary = check(read_recording(x_imu_recording), tmp_path, models)
+    summary = check(read_recording(x_imu_recording), tmp_path, models, html=True)
     assert summary["samples"] == 12_626
     assert summary["sample_rate_hz"] == 256
     # `make demo` runs the same; its table in the README must be correct.
+    page = (tmp_path / "replay.html").read_text(encoding="utf-8")
+    assert "<th>bits that differ from the twin</th><td>0</td>" in page
     written = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
     assert block((root / "README.md").read_text(encoding="utf-8"), "demo")[1].strip() == docs.demo_block(written)
 

@@ -51,9 +51,12 @@ def _pairs(columns):
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), required=True,
               help="Folder for the results (CSV, JSON, PNG) and the Verilog.")
 @log_options
+@click.option("--html", is_flag=True,
+              help="Also write replay.html, one page with all curves, status bits, and an attitude that turns with the "
+                   "cursor. It needs no network.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def replay(recording, config_name, changes, output, choice, build):
+def replay(recording, config_name, changes, output, choice, html, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
     RECORDING is a log of one of the formats of docs/recordings.md; 'strapdown inspect' shows what is in it. The core is
@@ -61,6 +64,7 @@ def replay(recording, config_name, changes, output, choice, build):
     your own core, if the inputs of its kernel are called a (specific force), m (magnetic field) and g (angular rate).
     """
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
+    from strapdown_sim.page import MissingPlotlyError
     from strapdown_sim.recordings import RecordingError, read_recording
     from strapdown_sim.replay import replay as run
 
@@ -75,9 +79,9 @@ def replay(recording, config_name, changes, output, choice, build):
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
-                result = run(data, config, output, build=build, progress=progress,
+                result = run(data, config, output, build=build, html=html, progress=progress,
                              command=("strapdown", "generate", *options))
-        except (SimulatorMissingError, ConfigError) as error:
+        except (SimulatorMissingError, MissingPlotlyError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)
     if result.summary["refused_updates"] == result.summary["samples"]:

@@ -5,17 +5,19 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from string import Template
 
 import numpy as np
 
-__all__ = ["Curve", "MissingPlotlyError", "Panel", "write_page"]
+__all__ = ["Curve", "MissingPlotlyError", "Panel", "require_plotly", "write_page"]
 
 POINTS = 4000
 """Most points of a curve. In a longer run each of half as many groups keeps its smallest and its largest value."""
 
 COLOURS = ("#10243e", "#cc6633", "#3d85c6", "#448855", "#8e5ea2", "#b8860b")
+"""Colours of curves that have none of their own, in their order."""
 ROW, STATUS_ROW = 200, 16
 """Height of a panel, and of a status bit, pixels."""
 
@@ -38,11 +40,14 @@ class Curve:
     """Whether to draw points without lines between them."""
     turns: bool = False
     """Whether a jump by more than half a turn is a gap: angles in degrees."""
+    colour: str | None = None
+    width: float = 1.3
+    """Width of the line, pixels."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves on one vertical axis with its title, which has the unit."""
+    """Curves on one vertical axis with its title, which has the unit; later curves are drawn over earlier ones."""
 
     title: str
     curves: Sequence[Curve]
@@ -78,6 +83,7 @@ def write_page(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[P
 
     Raises: MissingPlotlyError.
     """
+    require_plotly()
     figure = _figure(time_s, panels, {name: bits for name, bits in status.items() if bits.any()}, gaps)
     attitude = None
     if quaternion is not None:
@@ -95,26 +101,32 @@ def write_page(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[P
     path.write_text(text, encoding="utf-8")
 
 
+def require_plotly() -> None:
+    """Raises: MissingPlotlyError if plotly is not installed."""
+    if find_spec("plotly") is None:
+        raise MissingPlotlyError("a page in HTML needs plotly: pip install 'strapdown[html]'")
+
+
 def _figure(time_s, panels, status, gaps):
     """The curves, and the status bits below them, as a figure of plotly."""
-    try:
-        from plotly.graph_objects import Scatter
-        from plotly.subplots import make_subplots
-    except ImportError:
-        raise MissingPlotlyError("the page needs plotly: pip install 'strapdown[html]'") from None
+    # It takes a second to import, and is an extra.
+    from plotly.graph_objects import Scatter
+    from plotly.subplots import make_subplots
+
     heights = [ROW] * len(panels) + ([40 + STATUS_ROW * len(status)] if status else [])
     figure = make_subplots(rows=len(heights), cols=1, shared_xaxes=True, row_heights=heights,
                            vertical_spacing=0.02)
     for row, panel in enumerate(panels, 1):
         for place, curve in enumerate(panel.curves):
             time, values = _reduced(time_s, curve)
+            colour = curve.colour or COLOURS[place % len(COLOURS)]
             figure.add_trace(Scatter(
                 x=time, y=values, name=curve.name, legendgroup=curve.name, connectgaps=False,
                 showlegend=all(curve.name != other.name for above in panels[:row - 1] for other in above.curves),
                 mode="markers" if curve.points else "lines",
-                marker={"size": 3, "color": COLOURS[place % len(COLOURS)]},
-                line={"width": 1.3, "color": COLOURS[place % len(COLOURS)]}), row=row, col=1)
-        figure.update_yaxes(title_text=panel.title, type="log" if panel.logarithmic else "linear", row=row, col=1)
+                marker={"size": 3, "color": colour}, line={"width": curve.width, "color": colour}), row=row, col=1)
+        figure.update_yaxes(title_text=panel.title, type="log" if panel.logarithmic else "linear",
+                            exponentformat="power", row=row, col=1)
     for name, bits in status.items():
         time, level = _spans(time_s, bits)
         figure.add_trace(Scatter(x=time, y=[name if set else None for set in level], name=name, mode="lines",
@@ -129,6 +141,7 @@ def _figure(time_s, panels, status, gaps):
                         spikethickness=1, spikecolor="#888888")
     figure.update_layout(height=sum(heights) + 140, hovermode="x unified", hoversubplots="axis",
                          template="plotly_white", margin={"l": 90, "r": 20, "t": 60, "b": 50},
+                         modebar={"orientation": "v"},
                          legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "x": 0})
     return figure
 
