@@ -52,11 +52,21 @@ test: setup icarus ## Run all tests, except those that only `make sim` and `make
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m 'not sim_only and not ip'
 
-test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ.
+test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready $(VENV)-fusesoc/ready $(VENV)-litex/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ, FuseSoC, LiteX.
 	@scripts/install_arm.sh
-	@scripts/install_debian.sh chromium=chromium chromedriver=chromium-driver
+	@scripts/install_debian.sh chromium=chromium chromedriver=chromium-driver tclsh=tcl yosys=yosys
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m ip
+
+$(VENV)-fusesoc/ready:
+	python3 -m venv $(VENV)-fusesoc
+	$(VENV)-fusesoc/bin/python -m pip install --quiet --disable-pip-version-check edalize==0.6.8 fusesoc==2.4.7
+	touch $@
+
+$(VENV)-litex/ready:
+	python3 -m venv $(VENV)-litex
+	$(VENV)-litex/bin/python -m pip install --quiet --disable-pip-version-check litex==2024.12
+	touch $@
 
 $(VENV)-pynq/ready: pyproject.toml
 	python3 -m venv $(VENV)-pynq

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from strapdown.cores import axi_core
-from strapdown.ip import write_package
+from strapdown.ip import peakrdl, write_package
 
 from .common import DEFAULT, UserError, changed, command_line, configured, named_configuration, writing
 
@@ -39,3 +39,5 @@ def ip(target, changes, streams, errors, output):
     with writing(directory):
         write_package(top, config, directory, command=command)
     click.echo(directory)
+    if not peakrdl.installed():
+        click.echo(f"strapdown: without registers/*.xml, which PeakRDL makes: {peakrdl.INSTALLATION}", err=True)

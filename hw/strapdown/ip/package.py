@@ -9,11 +9,11 @@ from strapdown.cores import Top
 from strapdown.export import write
 from strapdown.files import written_together
 
-from . import c_header, device_tree, page, python_map, rdl
+from . import c_header, device_tree, page, peakrdl, python_map, rdl
 from .bench import bench
 from .component import component
 from .places import Places
-from .scripts import ADDRESS, scripts
+from .scripts import ADDRESS, driver_description, scripts
 
 __all__ = ["driver_files", "linux_files", "register_files", "write_package"]
 
@@ -56,18 +56,19 @@ def write_package(top: Top, config: Config, directory: Path, *, command: str) ->
     Returns
     -------
     Path
-        The folder.
+        The folder. It has the memory map of PeakRDL, ``registers/NAME.xml``, only if PeakRDL is installed.
 
     Raises: OSError if the files cannot be written; then no file has changed.
     """
     table, places = top.component.table, Places(top.component.name)
-    drivers = {f"{places.sources}/{file}": text for file, text in driver_files(table).items()}
-    drivers[f"{places.sources}/{table.name}.h"] = c_header.text(table)
+    sources = driver_files(table) | {f"{table.name}.h": c_header.text(table)}
+    drivers = {f"{places.sources}/{file}": text for file, text in sources.items()} | driver_description(places, sources)
     texts = {
         places.component: component(top, places, drivers),
         **{f"registers/{file}": text for file, text in register_files(table).items()},
         **{f"linux/{file}": text for file, text in linux_files(table).items()},
-        **scripts(top, places), **bench(top, config, places), **drivers}
+        **({places.peakrdl: peakrdl.text(rdl.text(table), places.vlnv)} if peakrdl.installed() else {}),
+        **scripts(top, places, command), **bench(top, config, places), **drivers}
     with written_together(directory) as partial:
         write(top, partial / places.hdl, command=command, config=config)
         for file, text in texts.items():

@@ -85,6 +85,11 @@ class Places:
         return f"registers/{self.name}.md"
 
     @property
+    def peakrdl(self):
+        """The registers as a memory map of IP-XACT, by PeakRDL."""
+        return f"registers/{self.name}.xml"
+
+    @property
     def bench(self):
         """The self-checking bench."""
         return f"bench/{self.name}_tb.v"

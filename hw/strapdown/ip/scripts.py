@@ -1,4 +1,4 @@
-"""Scripts and constraints for the vendors' tools, from the templates beside this file."""
+"""Scripts, constraints and descriptions for tools, from the templates beside this file."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from strapdown.bus import TABLE_SIZE
 from .component import BUSES, FAMILIES, interfaces
 from .memory_map import ACCESS, BLOCK
 
-__all__ = ["filled", "scripts"]
+__all__ = ["driver_description", "filled", "scripts"]
 
 PART = "xc7z020clg400-1"
 """Part for which Vivado packages a core; any of the families would do."""
@@ -39,16 +39,47 @@ def filled(template: str, **values: object) -> str:
     return "\n".join(map(ascii_text, text.split("\n")))
 
 
-def scripts(top, places) -> dict[str, str]:
-    """Maps each script and constraint file of a package to its text; arguments as in ``component``."""
+def scripts(top, places, command) -> dict[str, str]:
+    """Maps each script, constraint and description for a tool to its text.
+
+    Parameters
+    ----------
+    top : Top
+        With an AxiCore.
+    places : Places
+        Of its package.
+    command : str
+        The command line that makes the package again, quoted for a shell; empty for none.
+    """
     table = top.component.table
     buses = [bus for bus in interfaces(top) if bus in BUSES]
     values = {
         "name": places.name, "vlnv": places.vlnv, "places": places, "part": PART, "ise_part": ISE_PART,
         "address": ADDRESS, "block": BLOCK, "size": TABLE_SIZE, "registers": table.registers, "access": ACCESS,
         "families": FAMILIES, "buses": buses, "streams": len(buses) > 1,
+        "configuration": table.configuration, "title": top.component.title, "command": command,
         "display": f"{places.name}: {table.title}",
         "description": f"{top.component.title}. Configuration {table.configuration}."}
     return {path: filled(template, **values) for path, template in {
         "package_ip.tcl": "package_ip.tcl", "example.tcl": "example.tcl", "ise.tcl": "ise.tcl",
-        places.gui: "xgui.tcl", places.clock_alone: "ooc.xdc"}.items()}
+        places.gui: "xgui.tcl", places.clock_alone: "ooc.xdc", "strapdown.core": "strapdown.core",
+        "generator.core": "generator.core", "fusesoc_generator.py": "fusesoc_generator.py",
+        "README.md": "README.md"}.items()}
+
+
+def driver_description(places, sources) -> dict[str, str]:
+    """Maps each file that describes the driver to Vivado and Vitis to its text.
+
+    Parameters
+    ----------
+    places : Places
+        Of the package.
+    sources : iterable of str
+        Names of the C files and headers of the driver.
+    """
+    values = {"name": places.name, "vlnv": places.vlnv,
+              "c_files": [file for file in sources if file.endswith(".c")],
+              "headers": [file for file in sources if file.endswith(".h")]}
+    return {path: filled(template, **values) for path, template in {
+        f"{places.data}/{places.name}.mdd": "driver.mdd", f"{places.data}/{places.name}.tcl": "driver.tcl",
+        f"{places.sources}/Makefile": "driver.mk"}.items()}

@@ -11,14 +11,17 @@ import numpy as np
 from strapdown.bus import REGISTER_BITS, TABLE_SIZE, Access
 from strapdown.kernel.system import leaves
 
-__all__ = ["UPDATES", "Op", "Step", "steps"]
+__all__ = ["STREAM", "UPDATES", "Op", "Step", "steps"]
 
 UPDATES = 100
 """Updates of the bench that finish."""
 
-BAD_INPUT, OVERRUN, CORE_RESET, RESET, STREAM, BAD_SAMPLE = 20, 40, 60, 80, 90, 95
-"""Updates with an input that is no number, with a second start, after a reset of the core, after a reset of all, from
-which on samples come as a stream, and with another bad input."""
+BAD_INPUT, OVERRUN, CORE_RESET, RESET, BAD_SAMPLE = 20, 40, 60, 80, 95
+"""Updates with an input that is no number, with a second start, after a reset of the core, after a reset of all, and
+with another bad input."""
+
+STREAM = 90
+"""First update whose sample comes as a stream."""
 
 SEED = 20150
 """Seed of the inputs."""
@@ -247,7 +250,7 @@ class _Bench:
         self._sample(update)
         if number == OVERRUN:
             self._control("start")
-        self._add(Op.INTERRUPT, data=4 * self.engine.latency + 1000)
+        self._add(Op.INTERRUPT, "INTERRUPT_FLAGS", 4 * self.engine.latency + 1000)
 
     def _by_stream(self, number, update, outputs, status):
         """An update by the streams; the last sample has TLAST."""

@@ -4,8 +4,6 @@
 //
 // It carries out the steps of {{ places.vectors }}, which were computed by the software twin, and prints PASS, or the
 // first difference with its update and register. +vectors=FILE names another file of steps.
-`timescale 1ns / 1ps
-
 module {{ name }}_tb;
   localparam STEPS = {{ count }};
   // Cycles after which an answer of the bus is missing.
