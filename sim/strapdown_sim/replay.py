@@ -15,6 +15,7 @@ from strapdown.cores import main_module, make_core, system_of
 from strapdown.export import write_core
 from strapdown.files import written_together
 
+from .bag import require_rosbags, write_bag
 from .drivers.core import CoreModel
 from .drivers.toolchain import compiler, verilator_root
 from .errors import (
@@ -63,7 +64,7 @@ class Replay:
 
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
-           command: Sequence[str], html: bool = False,
+           command: Sequence[str], html: bool = False, bag: str | None = None,
            progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
@@ -94,6 +95,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         Words of the command line that makes the Verilog again, without module and sample rate; empty for none.
     html : bool
         Whether to write ``replay.html``. Needs plotly.
+    bag : str or None
+        A key of ``BAGS``: writes the attitude with the samples as sensor_msgs/Imu. Needs rosbags.
     progress : callable or None
         ``progress(stage, done, total)``, called from time to time; stages are "build", "simulate", "compare".
 
@@ -101,14 +104,17 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     -------
     Replay
 
-    Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError for a page without plotly, and
-    ConfigError for a configuration of several channels, or with inputs that a recording does not have, before any file
-    is made; ToolError if g++ or Verilator fails; OSError if files cannot be written.
+    Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError for a page without plotly,
+    MissingRosbagsError for a bag without rosbags, and ConfigError for a configuration of several channels, with inputs
+    that a recording does not have, or without an attitude for a bag, before any file is made; ToolError if g++ or
+    Verilator fails; OSError if files cannot be written.
     """
     compiler()
     verilator_root()
     if html:
         require_plotly()
+    if bag:
+        require_rosbags()
     progress = progress or (lambda stage, done, total: None)
     count = len(recording.time_s)
 
@@ -116,6 +122,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     module = main_module(config)
     if module in config.assemblies():
         raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
+    if bag and module not in REFERENCES:
+        raise ConfigError(f"{module} has no attitude in the form of a matrix, and a bag holds an attitude")
     config = for_recording(config, recording)
     inputs = port_inputs(recording, config)
     core = make_core(module, config)
@@ -160,6 +168,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
                                               encoding="utf-8")
+        if bag:
+            write_bag(partial, bag, recording, found.quaternion, getattr(config, "frame", "NWU"))
         if html:
             write_page(partial / "replay.html", title=title, time_s=recording.time_s, panels=found.panels, status=bits,
                        gaps=_bridged(recording), quaternion=found.quaternion, frame=getattr(config, "frame", "NWU"),

@@ -54,15 +54,19 @@ def _pairs(columns):
 @click.option("--html", is_flag=True,
               help="Also write replay.html, one page with all curves, status bits, and an attitude that turns with the "
                    "cursor. It needs no network.")
+@click.option("--bag", type=click.Choice(["mcap", "ros1"]),
+              help="Also write the attitude with the samples as sensor_msgs/Imu: a folder imu with MCAP for ROS 2, or "
+                   "imu.bag for ROS 1.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def replay(recording, config_name, changes, output, choice, html, build):
+def replay(recording, config_name, changes, output, choice, html, bag, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
     RECORDING is a log of one of the formats of docs/recordings.md; 'strapdown inspect' shows what is in it. The core is
     generated for the recording's sample rate; INS_flight gets the period of each sample. It is INS_top, INS_flight, or
     your own core, if the inputs of its kernel are called a (specific force), m (magnetic field) and g (angular rate).
     """
+    from strapdown_sim.bag import MissingRosbagsError
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.page import MissingPlotlyError
     from strapdown_sim.recordings import RecordingError, read_recording
@@ -79,9 +83,9 @@ def replay(recording, config_name, changes, output, choice, html, build):
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
-                result = run(data, config, output, build=build, html=html, progress=progress,
+                result = run(data, config, output, build=build, html=html, bag=bag, progress=progress,
                              command=("strapdown", "generate", *options))
-        except (SimulatorMissingError, MissingPlotlyError, ConfigError) as error:
+        except (SimulatorMissingError, MissingPlotlyError, MissingRosbagsError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)
     if result.summary["refused_updates"] == result.summary["samples"]:
