@@ -75,6 +75,12 @@ def shared_cases():
 
 
 @pytest.fixture(scope="session")
+def shared_logs():
+    """Folder of logs of several formats beside the project; skips the test if it is absent."""
+    return beside_the_checkout("logs")
+
+
+@pytest.fixture(scope="session")
 def x_imu_recording():
     """The x-IMU recording that `make demo` fetches; skips the test if it is absent."""
     path = ROOT / "build" / "recordings" / "00033_CalInertialAndMag.csv"

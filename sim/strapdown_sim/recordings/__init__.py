@@ -12,12 +12,20 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .bags import is_bag, read_bag
+from .blackbox import MAGIC as BLACKBOX_MAGIC
+from .blackbox import read_blackbox
+from .dataflash import is_dataflash, read_dataflash
+from .kitti import is_kitti, read_kitti
 from .log import Log, Stream
 from .merge import recording_of
 from .npz import read_npz
 from .plain_csv import read_csv
 from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing
+from .sensor_files import is_sensor_files, read_sensor_files
 from .table import looks_like_table
+from .ulog import MAGIC as ULOG_MAGIC
+from .ulog import read_ulog
 from .x_imu import X_IMU_RATE_HZ
 
 __all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Format", "Log", "Recording", "RecordingError", "Reference",
@@ -61,6 +69,12 @@ def _is_npz(path, head):
 
 FORMATS = (
     Format("NumPy archive", _is_npz, read_npz),
+    Format("ULog", lambda path, head: head.startswith(ULOG_MAGIC), read_ulog),
+    Format("DataFlash", lambda path, head: is_dataflash(head), read_dataflash),
+    Format("blackbox", lambda path, head: head.startswith(BLACKBOX_MAGIC), read_blackbox, ("log",)),
+    Format("ROS bag or MCAP", is_bag, read_bag),
+    Format("KITTI", is_kitti, read_kitti),
+    Format("folder or zip of one file for each sensor", is_sensor_files, read_sensor_files),
     Format("table of text", lambda path, head: path.is_file() and looks_like_table(head), read_csv,
            ("columns", "sample_rate_hz", "reference")),
 )

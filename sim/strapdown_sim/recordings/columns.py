@@ -27,7 +27,8 @@ _TIMES = {"time", "timestamp", "t", "times", "timestamps", "secondselapsed", "el
           "elapsedtime", "headerstamp", "rosbagtimestamp"}
 _COUNTERS = {"packetnumber", "packetcounter", "counter", "packetid", "packet", "sampleindex", "sample", "index",
              "loopiteration", "sampletimefine"}
-_RANKS = ("uncal", 2), ("raw", 1), ("linear", 1), ("filtered", 1), ("user", 3), ("without", 3), ("unfilt", 2)
+_RANKS = (("uncal", 2), ("raw", 1), ("linear", 1), ("filtered", 1), ("user", 3), ("without", 3), ("unfilt", 2),
+          ("free", 3))
 """Words that make a source less wanted where there are several."""
 
 

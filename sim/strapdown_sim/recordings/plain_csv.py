@@ -1,6 +1,7 @@
 """Text files with a table: a column of time, columns of sensors, and units in the header or known from the format."""
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +13,19 @@ from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
 from .x_imu import x_imu_log
 
-__all__ = ["gravity_side", "read_csv", "table_log"]
+__all__ = ["FIXED_UNITS", "gravity_side", "kind_of_name", "read_csv", "table_log"]
+
+FIXED_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "uT"}
+"""Units of files of Sensor Logger, which do not name them."""
+
+XSENS_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "a.u."}
+"""Units of text files of Xsens MT Manager."""
+
+XSENS_DOT_UNITS = XSENS_UNITS | {GYRO: "deg/s"}
+"""Units of files of Xsens DOT."""
+
+BESIDE = "Magnetometer", "Quaternion"
+"""Files of an x-IMU3 beside ``Inertial.csv``, with clocks of their own."""
 
 
 def read_csv(path: Path, *, columns: Mapping[str, str] | None = None, sample_rate_hz: float | None = None,
@@ -42,8 +55,10 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         return x_imu_log(table, found, sample_rate_hz, reference)
     if reference is not None:
         raise RecordingError(f"{table.path}: only x-IMU exports have a separate reference; leave it out")
-    stamped, rate = True, None
-    if TIME in found.of:
+    stamped, rate, units = True, None, None
+    if (xsens := _xsens(table, found, sample_rate_hz)) is not None:
+        time_s, stamped, units = xsens
+    elif TIME in found.of:
         if sample_rate_hz is not None:
             raise RecordingError(f"{table.path}: the file contains its time; leave out the sample rate")
         time_s = seconds(table, found.of[TIME][0])
@@ -53,10 +68,63 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         raise RecordingError(f"{table.path}: no column 'Time'; add it, name it with --columns time=NAME:UNIT, or give "
                              "the "
                              "rate of the rows with --rate HZ")
-    streams = streams_of(table, found, time_s)
+    streams = streams_of(table, found, time_s, units=units)
+    streams += _beside(table, found)
     streams += [Stream(**attitude) for attitude in _attitude(table, found, time_s, streams)]
     return Log(table.path, "table of text", tuple(streams), notes=ignored_note(found), rate_hz=rate, stamped=stamped,
                place=lambda row: f"line {table.lines[row]}")
+
+
+def _xsens(table, found, sample_rate_hz):
+    """Time of the rows of a text file of Xsens, whether the file gives it, and the units; None for another file."""
+    plain = [cell.lower() for cell in table.header]
+    if "acc_x" not in plain or "gyr_x" not in plain or COUNTER not in found.of:
+        return None
+    manager = any(comment.startswith("//") for comment in table.comments)
+    units = XSENS_UNITS if manager else XSENS_DOT_UNITS
+    rows = np.arange(len(table.lines), dtype=float)
+    if "sampletimefine" in plain:
+        # Ticks of 100 us, in an app of DOT of 1 us.
+        ticks = table.values[:, plain.index("sampletimefine")]
+        return (ticks - ticks[0]) * (1e-4 if manager else 1e-6), True, units
+    rates = [re.search(r"(?:sample|update) rate:\s*([\d.]+)", comment.lower()) for comment in table.comments]
+    rate = sample_rate_hz or next((float(match[1]) for match in rates if match), None)
+    if rate is None:
+        return None
+    counter = table.values[:, next(column.number for column in found.of[COUNTER])]
+    if not np.isfinite(counter).all():
+        counter = rows
+    # 16 bits.
+    steps = np.mod(np.diff(counter), 65536)
+    return np.concatenate([[0.0], np.cumsum(steps)]) / rate, True, units
+
+
+def _beside(table, found):
+    """Streams of the files beside an x-IMU3's ``Inertial.csv`` and an NGIMU's ``sensors.csv``."""
+    name = table.path.name
+    if "Inertial" in name:
+        others = [table.path.with_name(name.replace("Inertial", other)) for other in BESIDE]
+    elif name == "sensors.csv":
+        others = [table.path.with_name("quaternion.csv")]
+    else:
+        return
+    force = scaled(table, found.of[ACCEL])[0]
+    time_s = seconds(table, found.of[TIME][0])
+    for path in others:
+        if not path.is_file():
+            continue
+        other = parse_table(path, decoded(path.read_bytes()))
+        columns = columns_of(other, default=kind_of_name(path))
+        if TIME not in columns.of:
+            continue
+        own_s = seconds(other, columns.of[TIME][0])
+        yield from streams_of(other, columns, own_s, name=path.stem)
+        if ATTITUDE in columns.of:
+            known = np.stack([np.interp(own_s, time_s, axis) for axis in force.T], axis=-1)
+            turned = gravity_side(scaled(other, columns.of[ATTITUDE])[0], known)
+            if turned is not None:
+                yield Stream(ATTITUDE, path.stem, own_s, turned, frame="NWU",
+                             meaning="the device's own estimate, not truth")
 
 
 def ignored_note(found):

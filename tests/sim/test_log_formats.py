@@ -1,0 +1,570 @@
+"""Readers of log formats: files made here byte by byte from the formats' descriptions, and real ones where they are."""
+
+import struct
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+from strapdown_sim.errors import multiply
+from strapdown_sim.recordings import RecordingError, read_log, read_recording
+
+COUNT = 50
+RATE = np.array([10.0, -20.0, 30.0])
+"""deg/s, forward, left, up"""
+FORCE = np.array([0.5, -1.0, 9.7])
+"""m/s^2, the same axes"""
+FIELD = np.array([20.0, 5.0, -40.0])
+"""uT, the same axes"""
+FRD = np.array([1.0, -1.0, -1.0])
+
+
+def check(recording, *, rate_hz=100.0, field=FIELD, atol=0.02):
+    assert recording.sample_rate_hz == pytest.approx(rate_hz, rel=1e-3)
+    assert recording.gyro_deg_s[5] == pytest.approx(RATE, abs=atol)
+    assert recording.accel[5] == pytest.approx(FORCE, abs=atol)
+    if field is None:
+        assert recording.mag is None
+    else:
+        assert recording.mag[recording.mag_new][0] == pytest.approx(field, abs=atol)
+
+
+def stream(log, kind):
+    return next(stream for stream in log.streams if stream.kind == kind)
+
+
+# ULog ----------------------------------------------------------------------------------------------------------------
+
+ULOG_FORMATS = {
+    "sensor_combined": "uint64_t timestamp;float[3] gyro_rad;int32_t accelerometer_timestamp_relative;"
+                       "float[3] accelerometer_m_s2;",
+    "vehicle_magnetometer": "uint64_t timestamp;uint64_t timestamp_sample;float[3] magnetometer_ga;",
+    "vehicle_attitude": "uint64_t timestamp;float[4] q;",
+}
+
+
+def ulog(path, topics, formats=ULOG_FORMATS):
+    """A ULog file; ``topics`` maps topics to their messages as bytes."""
+    def message(kind, body):
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 1000) + message("B", bytes(40))
+    out += b"".join(message("F", f"{name}:{fields}".encode()) for name, fields in formats.items() if name in topics)
+    for number, name in enumerate(topics):
+        out += message("A", struct.pack("<BH", 0, number) + name.encode())
+    for number, messages in enumerate(topics.values()):
+        out += b"".join(message("D", struct.pack("<H", number) + body) for body in messages)
+    path.write_bytes(out)
+    return path
+
+
+def px4():
+    gyro, accel, field = np.radians(RATE * FRD), FORCE * FRD, FIELD * FRD / 100
+    start = 1_700_000_000_000_000
+    return {
+        "sensor_combined": [struct.pack("<Q3fi3f", start + 10_000 * k, *gyro, 0, *accel) for k in range(COUNT)],
+        "vehicle_magnetometer": [struct.pack("<QQ3f", start + 40_000 * k + 7, start + 40_000 * k, *(field + k / 1e6))
+                                 for k in range(COUNT // 4)],
+        "vehicle_attitude": [struct.pack("<Q4f", start + 20_000 * k, 0.5, 0.5, -0.5, 0.5) for k in range(COUNT // 2)]}
+
+
+def test_ulog(tmp_path):
+    log = read_log(ulog(tmp_path / "flight", px4()))
+    recording = read_recording(tmp_path / "flight")
+    check(recording)
+    assert recording.mag_new.tolist() == [k % 4 == 0 and k < 48 for k in range(COUNT)]
+    # A body turned from NED by (0.5, 0.5, -0.5, 0.5): forward is (0, 0, 1) down by the matrix of that quaternion.
+    assert stream(log, "attitude").values[0] == pytest.approx([0.5, 0.5, 0.5, -0.5])
+    assert recording.reference.meaning == "the autopilot's own estimate, not truth"
+    assert len(recording.reference.time_s) == COUNT // 2
+
+
+def test_ulog_with_an_accelerometer_on_its_own_time(tmp_path):
+    # The force rises by 1 m/s^2 in each sample, which is 4 ms before that of the gyro.
+    body = [struct.pack("<Q3fi3f", 10_000 * k + 10_000, 0, 0, 0, -4000, 0, 0, -9.8 - 0.01 * k) for k in range(COUNT)]
+    recording = read_recording(ulog(tmp_path / "flight", {"sensor_combined": body}))
+    assert recording.accel[10, 2] == pytest.approx(9.8 + 0.1 + 0.004)
+
+
+def test_ulog_with_integrated_samples(tmp_path):
+    formats = {"vehicle_imu": "uint64_t timestamp;uint64_t timestamp_sample;float[3] delta_angle;float[3] "
+                              "delta_velocity;"
+                              "uint32_t delta_angle_dt;uint32_t delta_velocity_dt;"}
+    body = [struct.pack("<QQ6fII", 10_000 * k + 90, 10_000 * k + 10_000, *(np.radians(RATE * FRD) * 0.008),
+                        *(FORCE * FRD * 0.008), 8000, 8000) for k in range(COUNT)]
+    check(read_recording(ulog(tmp_path / "flight", {"vehicle_imu": body}, formats)), field=None)
+
+
+def test_ulog_without_a_gyro_is_refused(tmp_path):
+    topics = {"vehicle_attitude": px4()["vehicle_attitude"]}
+    with pytest.raises(RecordingError, match=r"none of the topics sensor_combined, .*; set SDLOG_PROFILE"):
+        read_recording(ulog(tmp_path / "flight", topics))
+    (tmp_path / "bad.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
+    with pytest.raises(RecordingError, match="not a ULog file that can be read"):
+        read_recording(tmp_path / "bad.ulg")
+
+
+@pytest.mark.parametrize(("module", "head", "form"), [("pyulog", b"ULog\x01\x12\x35\x01", "ULog"),
+                                                      ("rosbags", b"#ROSBAG V2.0\n", "ROS")])
+def test_without_its_extra_one_line_names_the_command(tmp_path, monkeypatch, module, head, form):
+    monkeypatch.setitem(sys.modules, module, None)
+    (tmp_path / "flight").write_bytes(head)
+    with pytest.raises(RecordingError) as error:
+        read_recording(tmp_path / "flight")
+    assert str(error.value) == (f"{tmp_path / 'flight'}: to read {form} files, install their reader: "
+                                "pip install 'strapdown[logs]'")
+
+
+# DataFlash -----------------------------------------------------------------------------------------------------------
+
+DATAFLASH = {  # name: number, letters, labels
+    "IMU": (100, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
+    "MAG": (101, "QhhhB", "TimeUS,MagX,MagY,MagZ,Health"),
+    "ATT": (102, "QccC", "TimeUS,Roll,Pitch,Yaw"),
+    "MSG": (103, "QZ", "TimeUS,Message"),
+}
+SIZES = {"Q": 8, "B": 1, "f": 4, "h": 2, "c": 2, "C": 2, "Z": 64}
+
+
+def dataflash(path, messages, *, between=b""):
+    out = struct.pack("<2sBBB4s16s64s", b"\xa3\x95", 128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    for name, (number, letters, labels) in DATAFLASH.items():
+        length = 3 + sum(SIZES[letter] for letter in letters)
+        out += struct.pack("<2sBBB4s16s64s", b"\xa3\x95", 128, number, length, name.encode(), letters.encode(),
+                           labels.encode())
+    codes = {"c": "h", "C": "H", "Z": "64s"}
+    for name, *values in messages:
+        number, letters, _ = DATAFLASH[name]
+        layout = "<2sB" + "".join(codes.get(letter, letter) for letter in letters)
+        out += struct.pack(layout, b"\xa3\x95", number, *values)
+        out += between
+    path.write_bytes(out)
+    return path
+
+
+def ardupilot():
+    for k in range(COUNT):
+        for instance in 0, 1:
+            yield ("IMU", 80_000_000 + 10_000 * k, instance, *(np.radians(RATE * FRD) * (1 + instance)), *(FORCE * FRD))
+        if k % 5 == 0:
+            yield ("MAG", 80_000_000 + 10_000 * k, *map(int, FIELD * FRD * 10 + [k % 2, 0, 0]), 1)
+            yield ("ATT", 80_000_000 + 10_000 * k, 3000, 1000, 9000)
+    yield "MSG", 81_000_000, b"ArduPlane"
+
+
+def test_dataflash(tmp_path):
+    path = dataflash(tmp_path / "log", ardupilot())
+    recording = read_recording(path)
+    check(recording, atol=0.12)
+    # The second IMU turns twice as fast.
+    assert read_recording(path, imu="IMU 1").gyro_deg_s[5] == pytest.approx(2 * RATE, abs=1e-4)
+    assert read_recording(path, imu="1").gyro_deg_s[5] == pytest.approx(2 * RATE, abs=1e-4)
+    # Roll 30, pitch 10 up and yaw 90 to the east: forward is east and up, in NWU y = -cos(10), z = sin(10).
+    q = recording.reference.quaternion[0]
+    forward = multiply(multiply(q, [0, 1, 0, 0]), q * [1, -1, -1, -1])[1:]
+    assert forward == pytest.approx([0, -np.cos(np.radians(10)), np.sin(np.radians(10))], abs=1e-9)
+    left = multiply(multiply(q, [0, 0, 1, 0]), q * [1, -1, -1, -1])[1:]
+    # Right side down by 30 degrees: left is up.
+    assert left[2] == pytest.approx(np.cos(np.radians(10)) * np.sin(np.radians(30)))
+
+
+def test_dataflash_with_bytes_that_are_no_message(tmp_path):
+    recording = read_recording(dataflash(tmp_path / "log", ardupilot(), between=b"\xa3\x00"))
+    check(recording, atol=0.12)
+    assert recording.notes[0].endswith("bytes that are no message, left out")
+
+
+def test_dataflash_as_text(tmp_path):
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    lines += [f"FMT, {number}, 9, {name}, {letters}, {labels}" for name, (number, letters, labels) in DATAFLASH.items()]
+    scales = {"ATT": 0.01}
+    lines += [", ".join([name, str(time), *(str(value * scales.get(name, 1)) for value in values)])
+              for name, time, *values in ardupilot() if name != "MSG"]
+    (tmp_path / "flight.log").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    check(read_recording(tmp_path / "flight.log"), atol=0.12)
+
+
+def test_dataflash_without_imu_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match=r"the log has no IMU messages; set the IMU bits of LOG_BITMASK$"):
+        read_recording(dataflash(tmp_path / "log", [("MSG", 1, b"hello")]))
+
+
+# Blackbox ------------------------------------------------------------------------------------------------------------
+
+FIELDS = ["loopIteration", "time", *(f"{name}[{axis}]" for name in ("accSmooth", "gyroADC") for axis in range(3)),
+          "motor[0]", "motor[1]", "motor[2]", "rcCommand[3]"]
+BLACKBOX_HEAD = "\n".join([
+    "H Product:Blackbox flight data recorder by Nicholas Sherlock", "H Data version:2",
+    f"H Field I name:{','.join(FIELDS)}", "H Field I predictor:0,0,0,0,0,0,0,0,11,5,5,4",
+    "H Field I encoding:1,1,0,0,0,0,0,0,1,0,0,3", "H Field P predictor:6,2,1,1,1,3,3,3,1,1,1,1",
+    "H Field P encoding:9,0,7,7,7,6,6,6,8,8,8,8", "H Field S name:flightModeFlags", "H Field S predictor:0",
+    "H Field S encoding:1", "H Firmware type:Cleanflight", "H gyro_scale:0x3f800000", "H acc_1G:2048",
+    "H minthrottle:1070", "H motorOutput:158,2047", ""]).encode()
+
+
+def unsigned(value):
+    out = b""
+    while value > 127:
+        out, value = out + bytes([value & 127 | 128]), value >> 7
+    return out + bytes([value])
+
+
+def signed(value):
+    return unsigned(2 * value if value >= 0 else -2 * value - 1)
+
+
+def full_frame(iteration, time, accel, gyro):
+    motors = unsigned(10) + signed(3) + signed(-4)
+    # Encoding 3 negates a number of fourteen bits.
+    return b"I" + unsigned(iteration) + unsigned(time) + b"".join(map(signed, [*accel, *gyro])) + motors + unsigned(5)
+
+
+def change_frame(time2, accel, gyro):
+    """A frame of changes: of time from a straight line, accel below 32, gyro from the mean of the last two."""
+    three = bytes([0x80 | accel[0] & 63, accel[1] & 63, accel[2] & 63])
+    tag = bytes([sum(bool(value) << bit for bit, value in enumerate(gyro))])
+    # Four values: zero, a nibble, a byte and 16 bits, with nibbles one after the other.
+    four = bytes([0b11_10_01_00, 0x71, 0x20, 0x10, 0x30 & 0xF0])
+    return b"P" + signed(time2) + three + tag + b"".join(signed(value) for value in gyro if value) + four
+
+
+def blackbox(frames, *, start=1_000_000):
+    """Bytes of a log, and the values of its gyro and accelerometer."""
+    accel, gyro = np.array([100, -200, 2000]), np.array([10, -20, 30])
+    out, values = BLACKBOX_HEAD + full_frame(256, start, accel, gyro), [(accel, gyro)]
+    before = before2 = gyro
+    for k in range(frames):
+        step, turn = np.array([k % 5 - 2, 1, -1]), np.array([k % 3, 0, -2])
+        # The first change follows a frame without speed.
+        out += change_frame(2000 if k == 0 else 0, step, turn)
+        accel = accel + step
+        mean = np.trunc((before + before2) / 2).astype(int)
+        before, before2 = mean + turn, before
+        values.append((accel, before))
+    return out, np.array(values)
+
+
+def test_blackbox(tmp_path):
+    data, values = blackbox(40)
+    event = b"E" + bytes([30]) + unsigned(300) + unsigned(2) + b"S" + unsigned(7)
+    (tmp_path / "log.bin").write_bytes(data + event + full_frame(300, 1_082_000, [1, 2, 2048], [4, 5, 6])
+                                       + b"E\xffEnd of log\0")
+    recording = read_recording(tmp_path / "log.bin")
+    assert len(recording.time_s) == 42
+    assert recording.period_s == pytest.approx([0.002] * 42)
+    assert recording.gyro_deg_s[:41] == pytest.approx(values[:, 1].astype(float))
+    assert recording.accel[:41] == pytest.approx(values[:, 0] / 2048 * 9.80665)
+    assert recording.gyro_deg_s[41].tolist() == [4, 5, 6]
+    assert recording.mag is None
+
+
+def test_blackbox_of_several_logs(tmp_path):
+    (short, _), (long, values) = blackbox(3), blackbox(30)
+    (tmp_path / "log.bbl").write_bytes(short + b"E\xffEnd of log\0" + long)
+    recording = read_recording(tmp_path / "log.bbl")
+    assert len(recording.time_s) == len(values)
+    assert recording.notes[0].startswith("log 2 of 2 is taken, the longest; the others are 1 (")
+    assert len(read_recording(tmp_path / "log.bbl", log="1").time_s) == 4
+    with pytest.raises(RecordingError, match=r"--log 3 is not in the file; it has logs 1 to 2$"):
+        read_recording(tmp_path / "log.bbl", log="3")
+
+
+def test_blackbox_with_damage(tmp_path):
+    (first, values), (_, _) = blackbox(10), blackbox(0)
+    again = full_frame(512, 1_022_000, [0, 0, 2048], [7, 8, 9])
+    after = full_frame(513, 1_024_000, [0, 0, 2048], [7, 8, 9])
+    (tmp_path / "log.bbl").write_bytes(first + b"\x00\x99garbage" + again + after)
+    recording = read_recording(tmp_path / "log.bbl")
+    # The last frame before the damage is left out with it, and filled in.
+    assert recording.timing.faults["samples lost, filled in on a line"] == 1
+    assert len(recording.time_s) == len(values) + 2
+    assert recording.gyro_deg_s[-1].tolist() == [7, 8, 9]
+    assert any(note.startswith("damaged frames: 1") for note in recording.notes)
+
+
+def test_blackbox_time_wraps(tmp_path):
+    data, values = blackbox(40, start=2**32 - 20_000)
+    (tmp_path / "log.bbl").write_bytes(data)
+    assert read_recording(tmp_path / "log.bbl").period_s == pytest.approx([0.002] * len(values))
+
+
+def test_blackbox_without_accelerometer_is_refused(tmp_path):
+    (tmp_path / "log.bbl").write_bytes(BLACKBOX_HEAD.replace(b"accSmooth", b"other") + b"E\xffEnd of log\0")
+    with pytest.raises(RecordingError, match=r"log 1 has no gyro and accelerometer; set blackbox_disable_acc = OFF$"):
+        read_recording(tmp_path / "log.bbl")
+
+
+# ROS -----------------------------------------------------------------------------------------------------------------
+
+def imu_messages(types, stamps, *, orientation=True):
+    """Messages of both topics of an IMU, with their topic, type and time."""
+    names = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
+    imu, field, header, time, vector, quaternion = (types[name] for name in (
+        *names, "std_msgs/msg/Header", "builtin_interfaces/msg/Time", "geometry_msgs/msg/Vector3",
+        "geometry_msgs/msg/Quaternion"))
+    extra = {"seq": 0} if "seq" in header.__dataclass_fields__ else {}
+    none = np.zeros(9)
+    for k, stamp in enumerate(stamps):
+        head = header(stamp=time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="imu", **extra)
+        absent = np.array([-1.0, *[0] * 8])
+        yield "/imu/data", names[0], stamp, imu(
+            header=head, orientation=quaternion(x=0.0, y=0.0, z=0.6, w=0.8 + k * 0.0),
+            orientation_covariance=none if orientation else absent, angular_velocity=vector(*np.radians(RATE)),
+            angular_velocity_covariance=none, linear_acceleration=vector(*FORCE), linear_acceleration_covariance=none)
+        yield "/imu/mag", names[1], stamp, field(
+            header=head, magnetic_field=vector(*(FIELD * 1e-6 if k % 2 == 0 else [np.nan] * 3)),
+            magnetic_field_covariance=none)
+
+
+STAMPS = [1_700_000_000 * 10**9 + 10**7 * k for k in range(COUNT)]
+
+
+def ros_check(path, orientation=True):
+    recording = read_recording(path)
+    check(recording)
+    assert recording.mag_new.tolist() == [k % 2 == 0 for k in range(COUNT)]
+    if orientation:
+        assert recording.reference.frame == "ENU"
+        assert recording.reference.quaternion[3] == pytest.approx([0.8, 0, 0, 0.6])
+    else:
+        assert recording.reference is None
+
+
+@pytest.mark.parametrize("orientation", [True, False])
+def test_ros1_bag(tmp_path, orientation):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(tmp_path / "one.bag") as bag:
+        connections = {}
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS, orientation=orientation):
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=store)
+            bag.write(connections[topic], stamp + 3_000_000, store.serialize_ros1(message, kind))
+    ros_check((tmp_path / "one.bag").rename(tmp_path / "without_suffix"), orientation)
+
+
+@pytest.mark.parametrize("alone", [False, True])
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_ros2_bag(tmp_path, storage, alone):
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(tmp_path / "two", version=9, storage_plugin=StoragePlugin[storage]) as bag:
+        connections = {}
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=store)
+            bag.write(connections[topic], stamp, store.serialize_cdr(message, kind))
+    path = tmp_path / "two"
+    if alone:
+        path = next(file for file in path.iterdir() if file.suffix in (".db3", ".mcap"))
+    ros_check(path)
+
+
+def test_mcap_of_ros1(tmp_path):
+    from mcap.writer import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with (tmp_path / "one.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channels = {}
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
+            if topic not in channels:
+                schema = writer.register_schema(kind.replace("/msg", ""), "ros1msg", b"")
+                channels[topic] = writer.register_channel(topic, "ros1", schema)
+            writer.add_message(channels[topic], stamp, bytes(store.serialize_ros1(message, kind)), stamp)
+        writer.finish()
+    ros_check(tmp_path / "one.mcap")
+
+
+def test_ros_bag_without_imu_is_refused(tmp_path):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(tmp_path / "one.bag") as bag:
+        connection = bag.add_connection("/imu/mag", "sensor_msgs/msg/MagneticField", typestore=store)
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
+            if topic == "/imu/mag":
+                bag.write(connection, stamp, store.serialize_ros1(message, kind))
+    with pytest.raises(RecordingError, match=r"no messages of type sensor_msgs/Imu with a rate; topics that can be "
+                                              "read: "
+                                             r"/imu/mag \(sensor_msgs/msg/MagneticField\)$"):
+        read_recording(tmp_path / "one.bag")
+    (tmp_path / "bad.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
+    with pytest.raises(RecordingError, match="not a bag that can be read"):
+        read_recording(tmp_path / "bad.bag")
+
+
+# Text files ----------------------------------------------------------------------------------------------------------
+
+def text(path, head, rows):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join([head, *(",".join(map(str, row)) for row in rows)]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_x_imu3(tmp_path):
+    head = ",".join(["Timestamp (us)", *(f"{name} {axis} ({unit})" for name, unit in (
+        ("Gyroscope", "deg/s"), ("Accelerometer", "g")) for axis in "XYZ")])
+    inertial = text(tmp_path / "Inertial.csv", head, [[10_000 * k, *RATE, *FORCE / 9.80665] for k in range(COUNT)])
+    field = text(tmp_path / "Magnetometer.csv", "Timestamp (us),X Axis (a.u.),Y Axis (a.u.),Z Axis (a.u.)",
+                 [[52_000 * k, 0.5, 0.1 + k, -1] for k in range(9)])
+    recording = read_recording(inertial)
+    check(recording, field=[0.5, 0.1, -1])
+    assert np.flatnonzero(recording.mag_new).tolist() == [round(5.2 * k) for k in range(9)]
+    with pytest.raises(RecordingError) as error:
+        read_recording(field)
+    assert str(error.value) == (f"{field}: only a magnetometer is in this file; replay the file of the inertial sensor "
+                                "beside it (Inertial.csv): it finds this one")
+
+
+def xsens(path, *, tail=""):
+    head = "// Sample rate: 50.0Hz\n" + "\t".join(
+        ["Counter", *(f"{name}_{axis}" for name in ("Acc", "Gyr", "Mag") for axis in "XYZ"),
+         *(f"Quat_{axis}" for axis in "wxyz")])
+    rows = [" ".join(["", *map(str, [(65530 + k) % 65536])]) + "\t" + "\t".join(
+        map(str, [*FORCE, *np.radians(RATE), 0.5, 0.1, -1, *QUATERNION])) + tail for k in range(COUNT) if k != 20]
+    path.write_text(head + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+UP = FORCE / np.linalg.norm(FORCE)
+QUATERNION = np.array([1 + UP[2], UP[1], -UP[0], 0]) / np.linalg.norm([1 + UP[2], UP[1], -UP[0], 0])
+"""The shortest turn that makes FORCE vertical."""
+
+
+@pytest.mark.parametrize("tail", ["", "\t"])
+def test_xsens(tmp_path, tail):
+    recording = read_recording(xsens(tmp_path / "MT.txt", tail=tail))
+    check(recording, rate_hz=50, field=[0.5, 0.1, -1])
+    # The counter wraps, and one sample is lost.
+    assert recording.timing.faults == {"gaps, bridged": 1, "samples lost, filled in on a line": 1}
+    assert recording.reference.quaternion[0] == pytest.approx(QUATERNION)
+
+
+def phone(folder, units):
+    text(folder / "Gyroscope.csv", f'"Time (s)","X ({units[0]})","Y ({units[0]})","Z ({units[0]})"',
+         [[f"{0.01 * k + 0.2:.4e}", *np.radians(RATE)] for k in range(COUNT)])
+    text(folder / "Accelerometer.csv", f'"Time (s)","X ({units[1]})","Y ({units[1]})","Z ({units[1]})"',
+         [[0.01 * k + 0.203, *FORCE] for k in range(COUNT)])
+    text(folder / "Linear Acceleration.csv", '"Time (s)","X (m/s^2)","Y (m/s^2)","Z (m/s^2)"',
+         [[0.01 * k + 0.203, 0, 0, 0.01] for k in range(COUNT)])
+    text(folder / "Magnetometer.csv", '"Time (s)","X (µT)","Y (µT)","Z (µT)"',
+         [[0.05 * k + 0.2, *FIELD + k / 100] for k in range(COUNT // 5)])
+    text(folder / "meta" / "device.csv", "property,value", [["deviceModel", "phone"]])
+    return folder
+
+
+def zipped(folder):
+    path = folder.with_suffix(".zip")
+    with zipfile.ZipFile(path, "w") as archive:
+        for file in folder.rglob("*.csv"):
+            archive.write(file, file.relative_to(folder))
+    return path
+
+
+@pytest.mark.parametrize("form", ["folder", "zip"])
+def test_phyphox(tmp_path, form):
+    folder = phone(tmp_path / "phone", ("rad/s", "m/s^2"))
+    recording = read_recording(zipped(folder) if form == "zip" else folder)
+    check(recording)
+    assert recording.mag_new.sum() == COUNT // 5
+
+
+def logger(folder, *, total):
+    """Files of Sensor Logger: axes in the order z, y, x."""
+    start = 1_700_000_000 * 10**9
+
+    def rows(vector, delay):
+        return [[start + 10_000_000 * k + delay, 0.01 * k, *np.array(vector)[::-1]] for k in range(COUNT)]
+
+    head = "time,seconds_elapsed,z,y,x"
+    text(folder / "Gyroscope.csv", head, rows(np.radians(RATE), 0))
+    text(folder / "Accelerometer.csv", head, rows(FORCE - [0, 0, 9.0], 1_000_000))
+    text(folder / "Gravity.csv", head, rows([0, 0, 9.0], 1_000_000))
+    if total:
+        text(folder / "TotalAcceleration.csv", head, rows(FORCE, 1_000_000))
+    text(folder / "Magnetometer.csv", head, rows(FIELD, 2_000_000))
+    text(folder / "Metadata.csv", "version,device name", [["3", "phone"]])
+    return folder
+
+
+@pytest.mark.parametrize("total", [True, False])
+def test_sensor_logger(tmp_path, total):
+    recording = read_recording(logger(tmp_path / "phone", total=total))
+    check(recording)
+    added = [note for note in recording.notes if note.startswith("gravity of Gravity.csv is added")]
+    assert len(added) == (not total)
+
+
+def test_phone_without_gyro_is_refused(tmp_path):
+    folder = phone(tmp_path / "phone", ("rad/s", "m/s^2"))
+    (folder / "Gyroscope.csv").unlink()
+    with pytest.raises(RecordingError, match=r"no file with a gyroscope is in it \(Accelerometer\.csv, .*\); record "
+                                              "the "
+                                             r"gyroscope too$"):
+        read_recording(folder)
+
+
+def test_euroc(tmp_path):
+    imu = ("#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m s^-2],"
+           "a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]")
+    text(tmp_path / "mav0/imu0/data.csv", imu, [[STAMPS[k], *np.radians(RATE), *FORCE] for k in range(COUNT)])
+    pose = ("#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []")
+    text(tmp_path / "mav0/state_groundtruth_estimate0/data.csv", pose,
+         [[STAMPS[k], 1, 2, 3, *QUATERNION] for k in range(5, COUNT, 5)])
+    recording = read_recording(tmp_path)
+    check(recording, field=None)
+    assert recording.reference.meaning == "the data set's ground truth"
+    assert recording.reference.time_s[0] == pytest.approx(0.05, abs=1e-6)
+    assert recording.reference.quaternion[0] == pytest.approx(QUATERNION)
+    check(read_recording(tmp_path / "mav0/imu0/data.csv"), field=None)
+
+
+def test_kitti(tmp_path):
+    record = [49.0, 8.4, 112.0, 0.1, -0.2, np.pi / 2, 1, 2, 3, 0, 0, *FORCE, 0, 0, 0, *np.radians(RATE), *[0] * 10]
+    for k in range(COUNT):
+        path = tmp_path / "oxts" / "data" / f"{k:010}.txt"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(" ".join(map(str, record)) + "\n", encoding="utf-8")
+    (tmp_path / "oxts" / "timestamps.txt").write_text(
+        "\n".join(f"2011-09-26 13:02:{25 + k // 100:02}.{k % 100 * 10_000_000:09}" for k in range(COUNT)) + "\n",
+        encoding="utf-8")
+    for path in tmp_path, tmp_path / "oxts", tmp_path / "oxts" / "data" / "0000000000.txt":
+        recording = read_recording(path)
+        check(recording, field=None)
+    # Yaw of 90 degrees from east, pitch down by -0.2 rad: forward is north and up.
+    q = recording.reference.quaternion[0]
+    forward = multiply(multiply(q, [0, 1, 0, 0]), q * [1, -1, -1, -1])[1:]
+    assert forward == pytest.approx([0, np.cos(0.2), np.sin(0.2)], abs=1e-9)
+    (tmp_path / "oxts" / "timestamps.txt").write_text("2011-09-26 13:02:25.0\n", encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"timestamps\.txt: 1 times of 50 records; complete them$"):
+        read_recording(tmp_path)
+
+
+# Real files ----------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(("name", "samples", "rate_hz", "estimate"), [
+    ("px4_small.ulg", 1298, 200, True), ("px4_sitl.ulg", 7783, 250, True), ("ardupilot_1s.BIN", 45, 50, True),
+    ("betaflight_two_logs.bbl", 24_893, 498, False), ("phidgets_upside_down.bag", 13_964, 250, False),
+    ("xio_fusion_sensor_data.csv", 13_514, 100, False), ("xio_ngimu_sensors.csv", 499, 50, False),
+    ("xio_ximu3_Inertial.csv", 500, 50, False), ("xsens_mt_manager.txt", 953, 50, True)])
+def test_real_files(shared_logs, name, samples, rate_hz, estimate):
+    recording = read_recording(shared_logs / name)
+    filled = recording.timing.faults.get("samples lost, filled in on a line", 0)
+    assert len(recording.time_s) - filled == samples
+    assert recording.sample_rate_hz == pytest.approx(rate_hz, rel=0.07)
+    assert 9.2 < np.median(np.linalg.norm(recording.accel, axis=1)) < 10.6
+    assert (recording.reference is not None) == estimate
+
+
+def test_a_magnetometer_alone_is_refused_with_the_file_beside_it(shared_logs):
+    with pytest.raises(RecordingError, match=r"replay the file of the inertial sensor beside it \(xio_ximu3_Inertial"):
+        read_recording(shared_logs / "xio_ximu3_Magnetometer.csv")
