@@ -43,8 +43,9 @@ from .guides import index_table as guides_table
 from .guides import write_guides
 from .report.families import family_lines, family_table
 from .report.measure import cycles_of
+from .report.optical_diagram import draw_optical
 from .report.pages import PAGES, flags_table, index_table, page_text
-from .report.sensors import sensor_blocks
+from .report.sensors import sensor_blocks, write_waves
 from .report.tables import anchor_table, core_table, flow_lines, microseconds, operator_tables
 from .studies.accuracy import figure_table
 from .studies.airliner import airliner_table
@@ -280,7 +281,9 @@ def main():
     write_blocks(ROOT / "docs" / "sins.md", {"configurations": sins_block()})
     write_blocks(ROOT / "docs" / "operators.md", {"vendor operators": vendor_block()})
     write_blocks(ROOT / "docs" / "sensors.md", sensor_blocks())
+    list(write_waves(ROOT / "docs" / "sensors"))
     write_blocks(ROOT / "docs" / "optical.md", optical_module_blocks())
+    draw_optical(ROOT / "docs" / "optical.svg")
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")
     for name, text in operator_pages().items():
         (ROOT / "docs" / "operators" / f"{name}.md").write_text(text, encoding="utf-8")

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from strapdown.blocks import SENSORS, LineTiming
-from strapdown.blocks.wavedrom import wave_of_line
+from strapdown.blocks.wavedrom import columns_of_line, wave_of_line
 
 
 def levels(wave):
@@ -31,6 +31,8 @@ def test_waves(name, pins):
     wave = json.loads(wave_of_line(timing))
     lanes = {lane["name"]: levels(lane["wave"]) for lane in wave["signal"]}
     assert {pin: lanes[pin] for pin in pins} == pins
+    columns = columns_of_line(timing)
+    assert list(columns) == sorted(columns)
     for event, cycle in timing.events.items():
-        assert event in wave["foot"]["text"]
-        assert f"cycle {cycle:,}" in wave["foot"]["text"]
+        assert event in columns[cycle]
+    assert {len(levels(lane["wave"])) for lane in wave["signal"]} == {len(columns)}

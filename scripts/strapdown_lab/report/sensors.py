@@ -1,10 +1,14 @@
 """Tables and timing diagrams of docs/sensors.md."""
 
-from strapdown.blocks import SENSORS, LineTiming
-from strapdown.blocks.wavedrom import wave_of_line
-from strapdown.markdown import markdown_table
+from collections.abc import Iterator
+from pathlib import Path
 
-__all__ = ["CLOCK_HZ", "sensor_blocks"]
+from strapdown.blocks import SENSORS, LineTiming
+from strapdown.blocks.wavedrom import columns_of_line, wave_of_line
+from strapdown.markdown import markdown_table
+from strapdown_lab.waves import write_wave
+
+__all__ = ["CLOCK_HZ", "sensor_blocks", "write_waves"]
 
 CLOCK_HZ = 100e6
 
@@ -53,4 +57,20 @@ def _sources():
 def sensor_blocks():
     """Generated parts of docs/sensors.md, by the name of their block."""
     return {"sensors": _sensors(), "events": _events(), "places": _places(), "sources": _sources(),
-            **{f"wave {timing.sensor.name}": f"```json\n{wave_of_line(timing)}\n```" for timing in _timings()}}
+            **{f"wave {timing.sensor.name}": _wave(timing) for timing in _timings()}}
+
+
+def _wave(timing):
+    """The diagram of a line, and the events of its columns."""
+    name, columns = timing.sensor.name, columns_of_line(timing)
+    return f"![Timing of the pins](sensors/{name}.svg)\n\n" + markdown_table(["column:", "events", "cycle:"], [
+        [number, " and ".join(names), f"{cycle:,}"] for number, (cycle, names) in enumerate(columns.items())])
+
+
+def write_waves(folder: Path) -> Iterator[Path]:
+    """Draw the timing diagrams of all sensors into a folder, and yield their paths."""
+    folder.mkdir(exist_ok=True)
+    for timing in _timings():
+        path = folder / f"{timing.sensor.name}.svg"
+        write_wave(wave_of_line(timing), path)
+        yield path
