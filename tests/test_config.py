@@ -60,7 +60,7 @@ def test_replace_takes_values_and_strings():
     ({"magnetometer_axes": ("+x", "+y")}, "configuration thesis: magnetometer_axes must name each sensor axis once, "
                                           "with its sign, as in +y,-x,+z, not ('+x', '+y')"),
     ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
-                  "interval, operand_memory, side_memory, microcode, restart_after, clock_enable, kp, ki, "
+                  "interval, operand_memory, side_memory, microcode, restart_after, clock_enable, inputs, kp, ki, "
                   "magnetometer_axes"),
     ({"channels": "0"}, "configuration thesis: channels must be greater than or equal to 1, not '0'"),
     ({"channels": 6}, "configuration thesis: channels must be a power of two, not 6"),

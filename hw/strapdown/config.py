@@ -5,7 +5,7 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from strapdown.kernel.pool import STYLES, MemoryStyle, Pool
 from strapdown.kernel.system import System
 
-__all__ = ["Assembly", "Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes"]
+__all__ = ["Assembly", "Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes", "TunableConfig"]
 
 
 class ConfigError(ValueError):
@@ -206,6 +206,31 @@ class Config(BaseModel):
             return type(self)(**({name: getattr(self, name) for name in self.model_fields_set} | changes))
         except pydantic.ValidationError as error:
             raise ConfigError(_one_line(self, error)) from None
+
+
+class TunableConfig(Config):
+    """Base of the configurations with parameters that can be inputs at run time."""
+
+    tunable: ClassVar[tuple[str, ...]]
+    """Fields that can be inputs."""
+
+    inputs: Names = Field(default=(), description="parameters that are inputs at run time instead of constants")
+
+    @field_validator("inputs")
+    @classmethod
+    def _tunable(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        if unknown := [name for name in names if name not in cls.tunable]:
+            raise ValueError(f"must name parameters of the filter ({unknown[0]} is unknown)")
+        return names
+
+    def constant_inputs(self) -> dict[str, float]:
+        """The parameters that are inputs."""
+        return {name: getattr(self, name) for name in self.inputs}
+
+    @property
+    def input_meanings(self) -> dict[str, str]:
+        """Maps the parameters that are inputs to their meanings."""
+        return {name: type(self).model_fields[name].description or "" for name in self.inputs}
 
 
 def _one_line(config, error):

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, THESIS, THESIS_COMPACT, THESIS_FAST
+from strapdown.config import ConfigError
+from strapdown.cores import (
+    ATTITUDE_CORES,
+    CONFIGS,
+    THESIS,
+    THESIS_COMPACT,
+    THESIS_FAST,
+    AttitudeConfig,
+    main_module,
+    system_of,
+)
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.stimuli.pole import angle_error, inputs_through, pole_grid
@@ -198,3 +208,38 @@ def test_circuit_is_near_the_reference(circuit, name):
             assert (error * np.maximum(seen, 2.0**-12) <= 64 * 2.0**-24 * 360).all()
         else:
             assert (error <= 64 * 2.0**-24 * np.maximum(largest, 1e-3)[:, None]).all(), output
+
+
+@pytest.mark.parametrize("config", [config for config in CONFIGS.values() if isinstance(config, AttitudeConfig)],
+                         ids=lambda config: config.name)
+def test_gains_can_be_inputs(config):
+    """With the values of the configuration the results are those of constant gains; without any gain nothing fails."""
+    module = main_module(config)
+    tuned = config.replace(inputs="kp,ki")
+    constant, system, pool = system_of(module, config), system_of(module, tuned), config.engine_pool
+    assert tuned.constant_inputs() == {"kp": config.kp, "ki": config.ki}
+    assert system.input_ports == (*constant.input_ports, "in_kp", "in_ki")
+    inputs = dict(zip(constant.input_ports, np.random.default_rng(SEED).standard_normal((9, 50)), strict=True))
+    gains = {"in_kp": np.full(50, config.kp), "in_ki": np.full(50, config.ki)}
+    (expected, _), (found, _) = constant.run_float64(inputs), system.run_float64(inputs | gains)
+    (rounded, _), (twin, _) = constant.run(pool, inputs), system.run(pool, inputs | gains)
+    for port in system.output_ports:
+        assert np.array_equal(found[port], expected[port])
+        # A few more roundings, of angles up to 360 degrees.
+        np.testing.assert_allclose(twin[port], rounded[port], rtol=0, atol=1e-4)
+    off, _ = system.run(pool, inputs | dict.fromkeys(gains, np.zeros(50)))
+    assert not off["refused"].any()
+    assert not any(off[f"i{axis}"].any() for axis in "xyz")
+
+
+def test_gains_of_the_gyro_module_can_be_inputs():
+    system = ATTITUDE_CORES["INS_gyro"](THESIS.replace(inputs="ki"))
+    assert system.input_ports[-1] == "in_ki"
+    assert system.port_meanings["in_ki"] == "integral gain Ki, rad/s² per unit error"
+
+
+def test_other_inputs_are_an_error():
+    with pytest.raises(ConfigError) as error:
+        THESIS.replace(inputs="kp,period")
+    assert str(error.value) == "configuration thesis: inputs must name parameters of the filter (period is unknown), " \
+                               "not 'kp,period'"

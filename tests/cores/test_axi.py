@@ -1,6 +1,7 @@
-"""A core behind its bus: updates by register, in Amaranth's simulator."""
+"""A core behind its bus: updates by register, in Amaranth's simulator; parameters, ports and errors."""
 
 import numpy as np
+import pytest
 from amaranth.sim import Simulator
 
 from strapdown.cores import FLIGHT, THESIS, axi_core, main_module, make_core, register_table
@@ -32,12 +33,17 @@ async def read(ctx, bus, address):
     return await ctx.tick().sample(bus.s_axi_rdata, bus.s_axi_rresp).until(bus.s_axi_rvalid)
 
 
-def test_updates_by_register():
-    core = axi_core(THESIS).component
+@pytest.mark.parametrize("parameters", [{}, {"in_kp": 3.5, "in_ki": 0.25}])
+def test_updates_by_register(parameters):
+    """The parameters have the values of the configuration until they are written."""
+    config = THESIS.replace(inputs=[name.removeprefix("in_") for name in parameters])
+    core = axi_core(config).component
     table, system, number = core.table, core.system, core.program.format
     rng = np.random.default_rng(15)
-    inputs = {port: rng.normal(size=SAMPLES).astype(np.float32) for port in system.input_ports}
-    twin, _ = system.run(THESIS.engine_pool, inputs)
+    inputs = {word.port: rng.normal(size=SAMPLES).astype(np.float32) for word in table.samples}
+    before = {word.port: config.gains[word.port.removeprefix("in_")] for word in table.parameters}
+    values = {port: np.array([before[port], *[value] * (SAMPLES - 1)]) for port, value in parameters.items()}
+    twin, _ = system.run(config.engine_pool, inputs | values)
 
     async def bench(ctx):
         async def value(name):
@@ -59,6 +65,8 @@ def test_updates_by_register():
                 assert await value(word.registers[0].name) == number.to_bits(twin[word.port][index])
             assert await value("SNAPSHOT_UPDATE") == index + 1
             assert await value("CYCLES") == core.latency
+            for port, new in parameters.items():
+                await put(port.upper(), int(number.encode(new)))
 
     simulator = Simulator(core)
     simulator.add_clock(1e-8)
@@ -73,3 +81,12 @@ def test_inputs_with_a_value_in_the_configuration_have_it_after_a_reset():
     assert table["IN_PERIOD"].reset == int(np.float32(1 / 250).view(np.uint32))
     assert table["IN_GYROX"].reset == 0
     assert [word.port for word in table.parameters] == ["in_magnetometer_gain"]
+
+
+@pytest.mark.parametrize(("changes", "options", "message"), [
+    ({"clock_enable": True}, {}, "configuration thesis: clock_enable must be false: a bus has no clock enable"),
+    ({}, {"error_response": "decerr"}, "error_response must be slverr or okay, not 'decerr'"),
+])
+def test_errors(changes, options, message):
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        axi_core(THESIS.replace(**changes), **options)

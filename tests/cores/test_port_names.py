@@ -209,6 +209,7 @@ MODULES = "INS_acc, INS_mag, INS_gyro, INS_quat, INS_matx, INS_euler, INS_atan, 
 @pytest.mark.parametrize(("arguments", "message"), [
     (["--config", "flight"], f"the ports thesis-rtl exist for {MODULES}, not for INS_flight"),
     (["--config", "thesis_x8"], f"the ports thesis-rtl exist for {MODULES}, not for INS_top_x8"),
+    (["INS_gyro", "--set", "inputs=kp"], "the ports thesis-rtl have no parameters: leave inputs empty"),
     (["INS_atan", "--set", "clock_enable=true"],
      "the ports thesis-rtl have no clock enable: leave clock_enable at False"),
 ])

@@ -63,9 +63,16 @@ def rate_correction(g, e_a, e_m, i, unit, integral_share):
 
 
 def correction_gains(kp, ki, period):
-    """The gain Kp + Ki·T of ``rate_correction``, and the fraction Ki·T of it, zero if the gain is zero."""
-    gain = kp + ki * period
-    return gain, ki * period / gain if gain else 0.0
+    """The gain Kp + Ki·T of ``rate_correction``, and the fraction Ki·T of it, zero if the gain is zero.
+
+    Both gains are 0 or more. If they are not constants, ``SHORTEST_SQUARE`` is added to the divisor, as in
+    ``length_squared``.
+    """
+    integral = ki * period
+    gain = kp + integral
+    if isinstance(gain, float | int):
+        return gain, integral / gain if gain else 0.0
+    return gain, integral / (gain + SHORTEST_SQUARE)
 
 
 def quaternion_step(q, half_turn):
@@ -145,9 +152,9 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
     The angles do not wait for the normalisation of the next quaternion: they need only the directions in |q|²·C.
     All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one period.
     """
-    gain, integral_share = correction_gains(kp, ki, period)
-    gain *= period / 2
     with xp.section("ACC_MAG"):
+        gain, integral_share = correction_gains(kp, ki, period)
+        gain *= period / 2
         e_a, accelerometer_missing = accelerometer_error(xp, a, column(c, 2), gain)
         e_m, magnetometer_missing = magnetometer_error(xp, m, c, axes, gain)
     with xp.section("GYRO"):

@@ -31,7 +31,9 @@ def skid_buffer(m, name, shape, valid, payload, ready):
         low.
     """
     full, kept = Signal(name=f"{name}_full"), Signal(shape, name=f"{name}_kept", reset_less=True)
-    out_valid, out, taken = Signal(name=f"{name}_valid"), Signal(shape, name=name), Signal(name=f"{name}_taken")
+    out_valid = Signal(name=f"{name}_valid")
+    out = Signal(shape, name=name)
+    taken = Signal(name=f"{name}_taken")
     m.d.comb += [ready.eq(~full), out_valid.eq(valid | full), out.eq(Mux(full, kept, payload))]
     m.d.sync += full.eq(out_valid & ~taken)
     with m.If(~full):

@@ -114,7 +114,9 @@ class AxiLiteSlave(Described):
 
     def elaborate(self, platform):
         m = Module()
-        bad_write, bad_read, bad = Signal(), Signal(), Signal()
+        bad_write = Signal()
+        bad_read = Signal()
+        bad = Signal()
         m.d.comb += bad.eq(bad_write | bad_read)
         self._writes(m, bad_write, bad)
         self._reads(m, bad_read)
@@ -124,8 +126,12 @@ class AxiLiteSlave(Described):
         """Writes: address and data are brought together, act in the next cycle, and are answered after it."""
         aw_valid, aw, aw_taken = skid_buffer(m, "aw", _ADDRESS, self.awvalid, self.awaddr[PLACE:], self.awready)
         w_valid, w, w_taken = skid_buffer(m, "w", _WRITE, self.wvalid, Cat(self.wdata, self.wstrb), self.wready)
-        valid, address, write = Signal(name="write_valid"), Signal(_ADDRESS, name="write_address"), Signal(_WRITE)
-        answered, goes, paired = Signal(init=1), Signal(), Signal()
+        valid = Signal(name="write_valid")
+        address = Signal(_ADDRESS, name="write_address")
+        write = Signal(_WRITE)
+        answered = Signal(init=1)
+        goes = Signal()
+        paired = Signal()
         # A write from the bus acts only if its answer has room.
         m.d.comb += [goes.eq(~(valid & answered & (self.pause | self.bvalid & ~self.bready))),
                      paired.eq(aw_valid & w_valid), aw_taken.eq(goes & paired), w_taken.eq(goes & paired)]
@@ -138,7 +144,8 @@ class AxiLiteSlave(Described):
                 with m.If(~paired):
                     m.d.sync += [valid.eq(self.load.valid), address.eq(self.load.p.address),
                                  write.data.eq(self.load.p.data), write.strobe.eq(-1)]
-        acts, permitted = Signal(), Signal()
+        acts = Signal()
+        permitted = Signal()
         m.d.comb += [acts.eq(valid & goes), bad_write.eq(acts & ~permitted)]
         for register in self._registers:
             if register.writable:
@@ -173,7 +180,9 @@ class AxiLiteSlave(Described):
 
     def _reads(self, m, bad_read):
         """Reads: a register of each group is selected, then the group."""
-        moves, valid, found = Signal(), Signal(name="read_valid"), Signal()
+        moves = Signal()
+        valid = Signal(name="read_valid")
+        found = Signal()
         ar_valid, ar, ar_taken = skid_buffer(m, "ar", _ADDRESS, self.arvalid, self.araddr[PLACE:], self.arready)
         m.d.comb += [moves.eq(~self.rvalid | self.rready), ar_taken.eq(~valid | moves),
                      bad_read.eq(moves & valid & ~found)]

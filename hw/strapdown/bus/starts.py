@@ -67,14 +67,18 @@ class StartControl(Described):
         m = Module()
         record = data.StructLayout({"streamed": 1, "last": 1, "taken": CYCLES_BITS})
         m.submodules.records = in_flight = RecordQueue(record, self._capacity)
-        pending, streamed, last = Signal(), Signal(), Signal()
-        taken, idle, unanswered = Signal(), Signal(), Signal(range(self._capacity + 1))
+        pending = Signal()
+        streamed = Signal()
+        ends = Signal()
+        taken = Signal()
+        idle = Signal()
+        unanswered = Signal(range(self._capacity + 1))
         m.d.comb += [
             idle.eq(in_flight.level == 0), self.sample.ready.eq(taken & streamed),
             self.start.eq(pending & (~streamed | (unanswered != self._capacity))), taken.eq(self.start & self.ready),
             self.waiting.eq(pending & ~streamed), self.busy.eq(pending | ~idle | self.sample.valid),
             self.in_flight.eq(~idle),
-            in_flight.push.eq(taken), in_flight.record.streamed.eq(streamed), in_flight.record.last.eq(last),
+            in_flight.push.eq(taken), in_flight.record.streamed.eq(streamed), in_flight.record.last.eq(ends),
             in_flight.record.taken.eq(self.time),
             self.finished.eq(self.finish & ~idle), in_flight.pop.eq(self.finished),
             # From the edge that took the sample, one cycle after ``taken``: time - (taken + 1).
@@ -84,7 +88,7 @@ class StartControl(Described):
         with m.If(taken):
             m.d.sync += pending.eq(0)
         with m.If(self.sample.valid & ~pending):
-            m.d.sync += [pending.eq(1), streamed.eq(1), last.eq(self.sample.p.last),
+            m.d.sync += [pending.eq(1), streamed.eq(1), ends.eq(self.sample.p.last),
                          self.start_channel.eq(self.sample.p.channel)]
         with m.If(self.command):
             m.d.sync += [pending.eq(1), streamed.eq(0), self.start_channel.eq(self.channel)]

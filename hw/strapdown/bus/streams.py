@@ -10,7 +10,7 @@ from .buffers import skid_buffer
 from .registers import REGISTER_BITS
 from .slave import LOAD
 
-__all__ = ["AnswerSender", "SampleFramer", "sample_end", "stream_words"]
+__all__ = ["AnswerSender", "SampleFramer", "StreamMaster", "sample_end", "stream_words"]
 
 
 def stream_words(channel_bits):
@@ -68,8 +68,13 @@ class SampleFramer(Described):
         m = Module()
         words, load, sample = self.words, self.load, self.sample
         valid, word, taken = skid_buffer(m, "word", self._words, words.valid, words.payload, words.ready)
-        index, place = Signal(range(self._count)), Signal(range(self._count))
-        open, loads, changed, ends, begun = Signal(), Signal(), Signal(), Signal(), Signal()
+        index = Signal(range(self._count))
+        place = Signal(range(self._count))
+        open = Signal()
+        loads = Signal()
+        changed = Signal()
+        ends = Signal()
+        begun = Signal()
         m.d.comb += [
             open.eq(self.enable & ~sample.valid), load.valid.eq(valid & open), taken.eq(load.ready & open),
             loads.eq(valid & taken), begun.eq(index != 0), self.partial.eq(begun),
@@ -123,7 +128,9 @@ class AnswerSender(Described):
 
     def elaborate(self, platform):
         m = Module()
-        answer, index, last = self.answer, Signal(range(self._count)), Signal()
+        answer = self.answer
+        index = Signal(range(self._count))
+        last = Signal()
         m.d.comb += [self.final.eq(index == self._count - 1), answer.valid.eq(self.busy),
                      answer.p.last.eq(last & self.final)]
         with m.Switch(index):
@@ -134,4 +141,42 @@ class AnswerSender(Described):
             m.d.sync += [index.eq(Mux(self.final, 0, index + 1)), self.busy.eq(~self.final)]
         with m.If(self.send):
             m.d.sync += [self.busy.eq(1), last.eq(self.last), answer.p.channel.eq(self.channel)]
+        return m
+
+
+class StreamMaster(Described):
+    """The master of an AXI4-Stream; its outputs are registers.
+
+    Parameters
+    ----------
+    channel_bits : int
+        Bits of a channel; 0 for one channel.
+
+    Members
+    -------
+    words : In(stream of stream_words(channel_bits))
+        ``ready`` depends on ``tready``.
+    drop : In(1)
+        A word that comes while this is high is lost. One that has been offered is not taken back.
+    tdata, tlast, tid, tvalid, tready : Out(32), Out(1), Out(channel_bits), Out(1), In(1)
+        The AXI4-Stream; there is a tid only if there are several channels.
+
+    Latency: one cycle; one word per cycle.
+    """
+
+    def __init__(self, channel_bits=0):
+        super().__init__({
+            "words": In(stream.Signature(stream_words(channel_bits))), "drop": In(1),
+            "tdata": Out(REGISTER_BITS), "tlast": Out(1), **({"tid": Out(channel_bits)} if channel_bits else {}),
+            "tvalid": Out(1), "tready": In(1)})
+
+    def elaborate(self, platform):
+        m = Module()
+        words = self.words
+        m.d.comb += words.ready.eq(~self.tvalid | self.tready)
+        with m.If(words.ready):
+            m.d.sync += [self.tvalid.eq(words.valid & ~self.drop), self.tdata.eq(words.p.data),
+                         self.tlast.eq(words.p.last)]
+            if len(words.p.channel):
+                m.d.sync += self.tid.eq(words.p.channel)
         return m

@@ -7,7 +7,7 @@ from pydantic import Field
 from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
 from strapdown.algorithms.vector import scale
-from strapdown.config import Axes, Config
+from strapdown.config import Axes, TunableConfig
 from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.system import System, matrix, vector
@@ -15,7 +15,7 @@ from strapdown.kernel.system import System, matrix, vector
 __all__ = ["ATTITUDE_CORES", "AttitudeConfig", "MAHONY", "THESIS", "THESIS_COMPACT", "THESIS_FAST", "THESIS_X8"]
 
 
-class AttitudeConfig(Config):
+class AttitudeConfig(TunableConfig):
     """Parameters of the complementary attitude filter (INS_acc … INS_top)."""
 
     kp: float = Field(ge=0, le=1e6, allow_inf_nan=False,
@@ -25,6 +25,17 @@ class AttitudeConfig(Config):
     magnetometer_axes: Axes = Field(description="sensor axes of the magnetometer that lie along body x, y and z")
 
     frame: ClassVar[str] = "NWU"
+    tunable: ClassVar = ("kp", "ki")
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Kp and Ki, by the kernels' names."""
+        return {"kp": self.kp, "ki": self.ki}
+
+    @property
+    def gain_ports(self) -> dict[str, str]:
+        """Maps the gains that are inputs to their ports."""
+        return {name: f"in_{name}" for name in self.inputs}
 
     def systems(self):
         """The modules of the thesis, INS_top last."""
@@ -86,18 +97,18 @@ def ins_mag(config):
 
 def ins_gyro(config):
     """System of INS_gyro."""
-    def equations(xp, g, e_a, e_m, i):
-        gain, integral_share = attitude.correction_gains(config.kp, config.ki, config.period_s)
+    def equations(xp, g, e_a, e_m, i, **gains):
+        gain, integral_share = attitude.correction_gains(**config.gains | gains, period=config.period_s)
         omega, i = attitude.rate_correction(
             g, scale(gain, e_a), scale(gain, e_m), i, 1 / attitude.DEGREES, integral_share)
         return Update({"i": i, "omega": omega})
 
     return System(
         "INS_gyro", "angular rate, corrected by both errors and their integral", equations,
-        kernels=(attitude.rate_correction,), meanings=MEANINGS,
+        kernels=(attitude.rate_correction,), meanings=MEANINGS | config.input_meanings,
         sections=("GYRO",), start="in_gyro_en", finish="out_gyro_finish",
         inputs={"g": vector("in_gyro{}"), "e_a": vector("in_e{}a"), "e_m": vector("in_e{}m"),
-                "i": vector("in_e{}i")},
+                "i": vector("in_e{}i"), **config.gain_ports},
         outputs={"i": vector("out_e{}i"), "omega": vector("out_w{}")})
 
 
@@ -158,14 +169,14 @@ def ins_top(config):
     """System of INS_top."""
     def equations(xp, **arguments):
         return attitude.attitude_update(xp, axes=config.magnetometer_axes, period=config.period_s,
-                                        kp=config.kp, ki=config.ki, **arguments)
+                                        **config.gains | arguments)
 
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
-        kernels=KERNELS, meanings=MEANINGS,
+        kernels=KERNELS, meanings=MEANINGS | config.input_meanings,
         sections=("ACC_MAG", "GYRO", "QUAT", "MATX", "EULER"),
         start="in_data_en", finish="out_INS_finish",
-        inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}")},
+        inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}"), **config.gain_ports},
         outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw"))},
         state={"q": vector("q{}", "0123"), "c": matrix("c{}"), "i": vector("i{}")},
         reset=dict.fromkeys(("q0", "c11", "c22", "c33"), 1.0),

@@ -15,6 +15,7 @@ from strapdown.bus import (
     AxiLiteSlave,
     SampleFramer,
     StartControl,
+    StreamMaster,
     stream_words,
 )
 from strapdown.config import Config
@@ -94,8 +95,12 @@ class AxiCore(Wrapper):
     """
 
     def __init__(self, engine, table, *, error_response="slverr"):
-        self._table, self._error_response = table, error_response
+        self._table = table
         self._streams = any(field.name == "stream" for field in table["CONTROL"].fields)
+        # The registers of a sample can also be loaded by the stream.
+        samples = [register.name for word in table.samples for register in word.registers]
+        self._slave = AxiLiteSlave(table, ("INTERRUPT_FLAGS", "bad_access"), error_response=error_response,
+                                   loaded=samples if self._streams else ())
         bits = self._channel_bits = exact_log2(engine.channels)
         if self._streams and engine.channels > 1 and table.answer_words > engine.interval:
             raise ValueError(f"an answer of {table.answer_words} words takes longer than the interval of "
@@ -152,7 +157,7 @@ class AxiCore(Wrapper):
 
     def elaborate(self, platform):
         m = Module()
-        m.submodules.slave = slave = self._slave()
+        m.submodules.slave = slave = self._slave
         restarting = self._reset(m, slave)
         m.submodules.starts = starts = DomainRenamer("core")(StartControl(self.capacity, self._channel_bits))
         m.d.comb += through(self, slave, {port.name: port.name.removeprefix("s_axi_") for port in LITE_PORTS})
@@ -162,12 +167,6 @@ class AxiCore(Wrapper):
         self._commands(m, slave, starts, restarting)
         self._results(m, slave, starts, restarting)
         return m
-
-    def _slave(self):
-        """The registers; those of a sample can also be loaded by the stream."""
-        samples = [register.name for word in self._table.samples for register in word.registers]
-        return AxiLiteSlave(self._table, ("INTERRUPT_FLAGS", "bad_access"), error_response=self._error_response,
-                            loaded=samples if self._streams else ())
 
     def _reset(self, m, slave):
         """The clock domain ``core``, of the engine and the streams; returns its reset, which is a register."""
@@ -210,6 +209,9 @@ class AxiCore(Wrapper):
             sender.send.eq(starts.answer), sender.last.eq(starts.last), sender.words.eq(Cat(self._answer()))]
         if bits:
             m.d.comb += [framer.words.p.channel.eq(self.s_axis_tid), sender.channel.eq(engine.out_channel)]
+        m.submodules.master = master = StreamMaster(bits)
+        m.d.comb += through(self, master, {port: port.removeprefix("m_axis_") for port in self.signature.members
+                                           if port.startswith("m_axis_")})
         answer, final = sender.answer, sender.final
         if self.capacity > 1:
             # Updates finish while answers wait. There is room for the answers of all that can be in flight.
@@ -221,16 +223,10 @@ class AxiCore(Wrapper):
                          store.w_data.eq(Cat(answer.payload.as_value(), sender.final)), store.r_en.eq(stored.ready),
                          stored.valid.eq(store.r_rdy), Cat(stored.payload.as_value(), final).eq(store.r_data)]
             answer = stored
+        wiring.connect(m, answer, master.words)
         m.d.comb += [
-            answer.ready.eq(~self.m_axis_tvalid | self.m_axis_tready),
-            starts.answered.eq(answer.valid & answer.ready & final),
+            master.drop.eq(restarting), starts.answered.eq(answer.valid & answer.ready & final),
             slave.status_streaming.eq((framer.partial | starts.answering) & ~restarting | self.m_axis_tvalid)]
-        # An offered word is not taken back, even by a reset of the core.
-        with m.If(answer.ready):
-            m.d.sync += [self.m_axis_tvalid.eq(answer.valid & ~restarting), self.m_axis_tdata.eq(answer.p.data),
-                         self.m_axis_tlast.eq(answer.p.last)]
-            if bits:
-                m.d.sync += self.m_axis_tid.eq(answer.p.channel)
 
     def _answer(self):
         """The words of an answer: outputs, then the status."""
@@ -258,7 +254,9 @@ class AxiCore(Wrapper):
         """The end of an update, the counters, and the snapshot."""
         engine, system, table = self.engine, self.system, self._table
         status, finished = getattr(engine, system.status_port), Signal()
-        time, updates, number = Signal(REGISTER_BITS), Signal(REGISTER_BITS), Signal(REGISTER_BITS)
+        time = Signal(REGISTER_BITS)
+        updates = Signal(REGISTER_BITS)
+        number = Signal(REGISTER_BITS)
         cycles = Signal(CYCLES_BITS)
         m.d.sync += time.eq(time + 1)
         m.d.comb += [

@@ -1,23 +1,18 @@
 """INS_flight: the flight attitude filter, with the ports of INS_top and more outputs."""
 
-from typing import Annotated, Literal
+from typing import ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from strapdown.algorithms import attitude, flight
 from strapdown.algorithms.flight import Parameters
-from strapdown.config import Axes, Config, Gain, Names, Positive, RightHandedAxes
+from strapdown.config import Axes, Gain, Positive, RightHandedAxes, TunableConfig
 from strapdown.kernel.system import System, matrix, vector
 
 __all__ = ["FLIGHT", "FLIGHT_6AXIS", "FlightConfig", "ins_flight"]
 
-def _parameter_names(names):
-    if unknown := [name for name in names if name not in Parameters._fields]:
-        raise ValueError(f"must name parameters of the filter ({unknown[0]} is unknown)")
-    return names
 
-
-class FlightConfig(Config):
+class FlightConfig(TunableConfig):
     """Parameters of the flight attitude filter (INS_flight); see docs/flight.md."""
 
     frame: Literal["NWU", "ENU", "NED"] = Field(default="NWU", description="navigation frame")
@@ -29,8 +24,8 @@ class FlightConfig(Config):
     magnetometer_axes: Axes = Field(default=("+x", "+y", "+z"), description="sensor axes along body x, y and z")
     period_input: bool = Field(default=False, description="whether the period of each sample is an input")
     mag_valid_input: bool = Field(default=False, description="whether an input says which field samples are valid")
-    inputs: Annotated[Names, AfterValidator(_parameter_names)] = Field(
-        default=(), description="parameters that are inputs at run time instead of constants")
+
+    tunable: ClassVar = Parameters._fields
 
     accelerometer_gain: Positive = Field(default=0.5, description="correction of tilt, rad/s per rad")
     magnetometer_gain: Gain = Field(default=0.1, description="correction of heading, rad/s per rad")
@@ -71,7 +66,7 @@ class FlightConfig(Config):
 
     def constant_inputs(self):
         """Period, magnetometer present, and the parameters that are inputs."""
-        return {"period": self.period_s, "mag_valid": 1.0} | {name: getattr(self, name) for name in self.inputs}
+        return {"period": self.period_s, "mag_valid": 1.0} | super().constant_inputs()
 
 
 STATUS = ("accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
@@ -97,7 +92,7 @@ def _meanings(config):
         "bias": "bias of the gyro, body axes, deg/s",
         "earth": f"specific force, navigation axes ({frame}), unit of the accelerometer",
         "linear": "acceleration without gravity, body axes, unit of the accelerometer",
-    } | {name: type(config).model_fields[name].description for name in config.inputs}
+    } | config.input_meanings
 
 
 def ins_flight(config):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from strapdown.config import Config
+from strapdown.config import Config, TunableConfig
 from strapdown.kernel.system import System, leaves, matrix
 
 from .attitude import ATTITUDE_CORES
@@ -52,6 +52,8 @@ class PortNames:
             raise ValueError(f"the ports {self.name} exist for {', '.join(self.modules)}, not for {module}")
         if config.clock_enable:
             raise ValueError(f"the ports {self.name} have no clock enable: leave clock_enable at False")
+        if isinstance(config, TunableConfig) and config.inputs:
+            raise ValueError(f"the ports {self.name} have no parameters: leave inputs empty")
 
     def system(self, system: System) -> System:
         """A system with these names."""

@@ -9,6 +9,7 @@ from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.fp import FloatFormat, FpToFixed, Rounding
 from strapdown_lab.operators import OPERATORS, Claim
 
+from . import bus as blocks
 from .arithmetic import Extreme, FixedResult, FloatResult, Relation
 from .handshake import (
     IterativeAlignment,
@@ -25,7 +26,7 @@ from .lines import BufferedLine, Finish, Gaps, LineEdges, ParallelCapture, Seria
 from .sequencer import ChannelRecovery, ChannelTiming, UpdateRecovery, UpdateTiming
 from .solver import Property
 
-__all__ = ["properties"]
+__all__ = ["bus", "properties"]
 
 # z3 does not find that two dividers are equal.
 SOLVERS = {"div": "boolector"}
@@ -125,6 +126,21 @@ def lines():
                    partial(Finish, partial(SpotFinder, 3648)), SpotFinder(3648).latency, ("finder",))
 
 
+def bus():
+    """Properties of the blocks of a bus."""
+    for subject, claim, circuit in (
+            ("AxiLiteSlave", "one answer for each access, and no other; an offer stays as it is", blocks.Answers),
+            ("AxiLiteSlave", "an answer comes within two cycles, if answers are taken", blocks.InTime),
+            ("AxiLiteSlave", "a write changes what it selects and may change, and nothing else", blocks.Writes),
+            ("AxiLiteSlave", "a read returns the fields at its address", blocks.Reads),
+            ("SampleFramer", "each word is loaded once, in its place; what is dropped is flagged", blocks.Framing),
+            ("StartControl", "each sample and each command starts one update", blocks.Starting),
+            ("RecordQueue", "records leave in their order, each one once", blocks.Queue),
+            ("AnswerSender", "each word of an answer is sent once, in its order", blocks.Sending),
+            ("StreamMaster", "each word is offered until it is taken, once", blocks.Master)):
+        yield Property(subject, claim, circuit, circuit.edges, ("block",))
+
+
 def properties() -> Iterator[Property]:
     """Every ``Property``, in the order of the document."""
     for entry in OPERATORS:
@@ -138,6 +154,7 @@ def properties() -> Iterator[Property]:
             for parameters, options in entry.rounded(entry.proved):
                 yield result(entry.claim, entry.component, parameters, options)
     yield from lines()
+    yield from bus()
     for config in CONFIGS.values():
         for module in modules_of(config):
             if module not in config.assemblies():
