@@ -42,11 +42,14 @@ class Match(NamedTuple):
         Index of the recording's sample nearest to each valid reference time.
     q_est, q_ref : ndarray, shape (M, 4)
         Estimated and reference orientation there, sensor to NWU.
+    q_given : ndarray, shape (M, 4)
+        The reference as it was given, before a constant heading was removed.
     """
 
     sample: np.ndarray
     q_est: np.ndarray
     q_ref: np.ndarray
+    q_given: np.ndarray
 
 
 def multiply(p, q):
@@ -196,9 +199,10 @@ def match_reference(recording, q_s2nwu):
     q_est, q_ref = np.asarray(q_s2nwu, dtype=float)[sample], reference.quaternion[reference.valid]
     if reference.frame == "ENU":
         q_ref = enu_to_nwu(q_ref)
+    q_given = q_ref
     if recording.mag is None or not reference.heading_known:
         q_ref = remove_constant_heading(q_ref, q_est)
-    return Match(sample, q_est, q_ref)
+    return Match(sample, q_est, q_ref, q_given)
 
 
 def angle_difference(a, b):

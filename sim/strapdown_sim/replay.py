@@ -261,7 +261,8 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
             "samples": len(match.sample),
             "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
             **{f"{name}_rms": spread(getattr(errors, name))["rms"] for name in errors._fields},
-            "total_median": float(np.median(errors.total)) if len(match.sample) else None}
+            "total_median": float(np.median(errors.total)) if len(match.sample) else None,
+            **_with_constant(match)}
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
         panels = [Panel("difference (°)", [
@@ -294,6 +295,19 @@ def write_attitude(path: Path, recording: Recording, outputs: dict) -> None:
     columns = {f"q{index}": (quaternion[:, index], 9) for index in range(4)}
     columns |= {name: (angles[:, index], 6) for index, name in enumerate(("pitch", "roll", "yaw"))}
     _write_csv(path, recording.time_s, columns)
+
+
+def _with_constant(match):
+    """Errors against the reference with the heading that it gives, and the constant heading between the two, degrees.
+
+    The constant is positive where the core's heading is anticlockwise of the reference's, seen from above.
+    """
+    errors = attitude_errors(match.q_est, match.q_given)
+    w, _, _, z = multiply(match.q_ref, conjugate(match.q_given)).T
+    return {"total_rms_with_constant_heading": spread(errors.total)["rms"],
+            "heading_rms_with_constant_heading": spread(errors.heading)["rms"],
+            "constant_heading_deg": float(angle_difference(2 * np.degrees(np.arctan2(z[0], w[0])), 0.0))
+            if len(match.sample) else None}
 
 
 def _outputs(recording, system, result, truth, directory, title, summary):

@@ -94,3 +94,15 @@ def test_angle_difference_is_wrapped():
 
 def test_rms():
     assert errors.rms([3, 4, 0, 0]) == 2.5
+
+
+def test_a_reference_with_another_heading_is_compared_with_it_and_without():
+    turned = np.array([np.cos(0.2), 0, 0, np.sin(0.2)])
+    estimate = np.tile([1.0, 0, 0, 0], (5, 1))
+    time_s = np.arange(5) / 10
+    reference = Reference(time_s=time_s, quaternion=np.tile(turned, (5, 1)), valid=np.ones(5, bool), frame="NWU",
+                          heading_known=False)
+    recording = Recording("r", 10.0, time_s, np.zeros((5, 3)), np.ones((5, 3)), np.ones((5, 3)), "g", "uT", reference)
+    match = errors.match_reference(recording, estimate)
+    assert errors.attitude_errors(match.q_est, match.q_ref).total == pytest.approx(0, abs=1e-9)
+    assert errors.attitude_errors(match.q_est, match.q_given).heading == pytest.approx(np.degrees(0.4))

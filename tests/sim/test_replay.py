@@ -1,14 +1,18 @@
 """Whole recordings through the circuit."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from strapdown.cores import MAHONY
+from strapdown.cores import CONFIGS, FLIGHT_6AXIS, MAHONY, main_module
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
-from strapdown_sim.recordings import read_recording
-from strapdown_sim.replay import replay
+from strapdown_sim.errors import angle_difference, attitude_errors, match_reference
+from strapdown_sim.recordings import Log, Stream, read_recording, recording_of
+from strapdown_sim.replay import for_recording, replay
+from strapdown_sim.truth import REFERENCES
 
 # float32 is good to 2**-24; Kp = 0.5 forgets an error in two seconds, some 600 updates of ten
 # roundings each. If all of them went one way it would be 600·10·2**-24 rad = 0.02 degrees; they
@@ -43,3 +47,69 @@ def test_80_seconds_at_286_hz(shared_recordings, tmp_path, models):
     summary = check(read_recording(shared_recordings / "broad_02_undisturbed_slow_rotation_B.npz"), tmp_path, models)
     assert summary["samples"] == 22_857
     assert summary["against_recorded_reference_deg"]["samples"] > 10_000
+
+
+CASES = {  # file: configuration, right yaw in degrees, tolerance
+    "two_rates": ("flight_6axis", 1.80, 0.01),
+    # Steps of 10 ms, then of 5 ms at 45 deg/s for 2 s; the first of these samples ends a step of 10 ms.
+    "two_rates_90deg": ("flight_6axis", 90.0, 0.3),
+    "dropped_one": ("flight", 0.0, 1e-3), "late_sample_b": ("flight", 0.0, 1e-3), "dup_stamps": ("flight", 0.0, 1e-3)}
+
+
+def right_answer(recording, config):
+    """Pitch, roll and yaw of the float64 reference at the end, with each sample's own period and new fields."""
+    config = for_recording(CONFIGS[config], recording)
+    return REFERENCES[main_module(config)](config).run(
+        recording.accel, recording.mag, recording.gyro_deg_s, period_s=recording.period_s, mag_valid=recording.mag_new)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_cases_of_time(shared_cases, name):
+    config, yaw, tolerance = CASES[name]
+    truth = right_answer(read_recording(shared_cases / f"{name}.csv"), config)
+    assert angle_difference(truth.yaw[-1], yaw) == pytest.approx(0, abs=tolerance)
+    assert truth.pitch[-1] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "like"), [("mag20_held", "mag20_zero"), ("mag_nan", "mag_zero")])
+def test_cases_of_the_field(shared_cases, name, like):
+    found, right = (right_answer(read_recording(shared_cases / f"{file}.csv"), "flight") for file in (name, like))
+    assert (found.q_b2n == right.q_b2n).all()
+
+
+def turning(steps):
+    """A Recording of a level sensor that turns at 90 deg/s in its second half."""
+    time_s, rates = np.cumsum(steps) - steps[0], np.zeros((len(steps), 3))
+    rates[len(steps) // 2:, 2] = 90
+    force = np.tile([0, 0, 9.80665], (len(steps), 1))
+    return recording_of(Log(Path("turning.csv"), "made here", (
+        Stream("gyro", "imu", time_s, rates, "deg/s"), Stream("accel", "imu", time_s, force, "m/s^2"))))
+
+
+@pytest.mark.verilator
+def test_each_period_reaches_the_circuit(tmp_path, models):
+    recording = turning(np.repeat([0.01, 0.005], 30))
+    result = replay(recording, FLIGHT_6AXIS, tmp_path / "own", build=models, command=("generate",))
+    assert result.summary["bits_differing_from_twin"] == 0
+    # 30 samples of 5 ms.
+    assert result.angles[-1, 2] == pytest.approx(90 * 30 * 0.005, abs=1e-3)
+    assert result.summary["time"]["each_sample_has_its_period"]
+    assert result.summary["time"]["one_rate_error_deg"] == 0
+    assert "in_period" in (tmp_path / "own" / "INS_flight.v").read_text(encoding="utf-8")
+    assert "--set period_input=true" in (tmp_path / "own" / "INS_flight.v").read_text(encoding="utf-8")
+
+
+def test_a_configuration_can_refuse_the_period():
+    recording = turning(np.repeat([0.01, 0.005], 30))
+    assert for_recording(FLIGHT_6AXIS, recording).period_input
+    assert not for_recording(FLIGHT_6AXIS.replace(period_input=False), recording).period_input
+    # One rate stands for 5 ms in the 30 samples at 90 deg/s.
+    assert recording.timing.one_rate_error_deg == pytest.approx(90 * 30 * (1 / recording.sample_rate_hz - 0.005))
+
+
+def test_px4_tilt(shared_logs):
+    recording = read_recording(shared_logs / "px4_small.ulg")
+    truth = right_answer(recording, "flight")
+    match = match_reference(recording, truth.q_b2n)
+    assert attitude_errors(match.q_est, match.q_ref).inclination.max() < 1.2
+    assert recording.reference.meaning == "the autopilot's own estimate, not truth"

@@ -17,6 +17,7 @@ from .common import InterruptedByUserError, UserError, own_line
 from .design import design
 from .explain import explain, schedule
 from .generate import generate, link, operators
+from .inspect import inspect
 from .ip import ip
 from .monitor import monitor
 from .optical import optical
@@ -81,6 +82,6 @@ def main():
             stream.reconfigure(errors="replace")
 
 
-for command in (list_configurations, generate, operators, link, ip, replay, optical, monitor, design, calibrate,
-                schedule, explain):
+for command in (list_configurations, generate, operators, link, ip, replay, inspect, optical, monitor, design,
+                calibrate, schedule, explain):
     main.add_command(command)

@@ -113,7 +113,9 @@ def _print_summary(summary, output):
         if count:
             rows.append((f"updates with status: {name.replace('_', ' ')}", f"{count:,}"))
     if recorded := summary.get("against_recorded_reference_deg"):
-        known = "" if recorded["heading_known"] else " (heading up to a constant)"
+        known = "" if recorded["heading_known"] or recorded["constant_heading_deg"] is None else (
+            f" (heading up to a constant of {recorded['constant_heading_deg']:.2f}°; with it RMS "
+            f"{recorded['total_rms_with_constant_heading']:.2f}°)")
         angles = ", ".join(f"{name} {_figure(recorded[key], '.2f', '°')}" for name, key in (
             ("RMS", "total_rms"), ("inclination", "inclination_rms"), ("heading", "heading_rms")))
         rows.append((f"rotation angle to {recorded['reference']}",

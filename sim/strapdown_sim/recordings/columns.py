@@ -262,5 +262,5 @@ def streams_of(table: Table, columns: Columns, time_s: np.ndarray, *, units: Map
             if kind == PRESSURE and factor(kind, columns.of[kind][0].unit or "") is None:
                 continue
             values, unit = scaled(table, columns.of[kind], units)
-            streams.append(Stream(kind, name, time_s, values, unit))
+            streams.append(Stream(kind, name or columns.of[kind][0].source, time_s, values, unit))
     return streams

@@ -14,9 +14,18 @@ import numpy as np
 
 from .clock import Clock, gaps, mended
 from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
-from .recording import Recording, RecordingError, Reference, Timing, check_gravity, mean_rate, unit_quaternions
+from .recording import (
+    STANDARD_GRAVITY,
+    Recording,
+    RecordingError,
+    Reference,
+    Timing,
+    check_gravity,
+    mean_rate,
+    unit_quaternions,
+)
 
-__all__ = ["held", "recording_of"]
+__all__ = ["held", "recording_of", "saturated"]
 
 BRIDGED_S = 1.0
 """Longest gap that is bridged whatever the motion."""
@@ -79,7 +88,7 @@ def recording_of(log: Log, *, imu: str | None = None, mag: str | None = None, st
             faults=faults, bridged=tuple(bridged), longest_gap_s=longest, bridge_error_deg=angle,
             one_rate_error_deg=_one_rate_error(recording.gyro_deg_s, period, 1 / recording.sample_rate_hz)))
     check_gravity(log.path, recording)
-    return replace(recording, notes=(*notes, *_statements(recording, gyro, accel)))
+    return replace(recording, notes=(*notes, *_statements(recording, gyro)))
 
 
 def _clock(log: Log, gyro: Stream, start_s: float | None, stop_s: float | None) -> Clock:
@@ -303,15 +312,37 @@ def _one_rate_error(rates, period, mean):
     return float(np.linalg.norm(np.ptp(np.vstack([np.zeros(3), angle]), axis=0)))
 
 
-def _statements(recording, gyro, accel):
+def saturated(kind: str, values: np.ndarray) -> np.ndarray:
+    """Which rows of a gyro (deg/s) or an accelerometer (m/s^2) are at an end of the range: bool, shape (N,).
+
+    An axis is, where its largest magnitude occurs three times or more and is one of the ranges that sensors have.
+    """
+    size = np.abs(np.nan_to_num(values))
+    largest = size.max(axis=0, initial=0.0)
+    at_end = size == largest
+    ratio = largest[:, None] / np.array(RANGES[kind])
+    end = (at_end.sum(axis=0) >= 3) & ((ratio > 0.995) & (ratio < 1.005)).any(axis=1)
+    return (at_end & end).any(axis=1)
+
+
+RANGES = {GYRO: [scale * size for size in (125, 250, 500, 1000, 2000, 4000) for scale in (1.0, 0.98, 1.147)],
+          ACCEL: [size * STANDARD_GRAVITY for size in (2, 4, 8, 16, 32)]}
+"""Usual ranges, deg/s and m/s^2; 245 and 286.7 deg/s are those of some sensors called 250."""
+
+LARGEST_RATE_DEG_S = 4000.0
+"""Largest range of the gyros in such logs."""
+
+
+def _statements(recording, gyro):
     """What the values themselves say about the sensors."""
     lines = []
     largest = float(np.abs(recording.gyro_deg_s).max())
     if largest > LARGEST_RATE_DEG_S:
         lines.append(f"rates up to {largest:,.0f} deg/s are more than any gyro of this kind measures: is the unit "
                      f"{gyro.unit}?")
+    for kind, values, unit in (GYRO, recording.gyro_deg_s, "deg/s"), (ACCEL, recording.accel, "m/s²"):
+        at_end = saturated(kind, values)
+        if at_end.any():
+            lines.append(f"{kind}: {int(at_end.sum()):,} samples at its largest value, "
+                         f"{np.abs(values[at_end]).max():.6g} {unit}: beyond the sensor's range, the angles suffer")
     return lines
-
-
-LARGEST_RATE_DEG_S = 4000.0
-"""Largest range of MEMS gyros."""
