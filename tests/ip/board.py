@@ -151,8 +151,11 @@ class Board(Device):
         """Let the streams run, and end the transfers that are complete."""
         sender, receiver = self._channels
         if receiver.active:
-            count = min((receiver.length - receiver.moved) // 4, 1000)
-            for code, word in self._transact(*[("G", 0, PATIENCE)] * count):
+            count = (receiver.length - receiver.moved) // 4
+            found = self._transact(("G", 0, PATIENCE))
+            if found[0][0] & 1:
+                found += self._transact(*[("G", 0, PATIENCE)] * (min(count, 1000) - 1))
+            for code, word in found:
                 if not code & 1:
                     break
                 place = slice(receiver.moved, receiver.moved + 4)

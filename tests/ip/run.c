@@ -1,4 +1,4 @@
-/* Runs the driver over samples. Words of samples come in on standard input; for each sample the words of the outputs,
+/* Runs the driver over samples. Words of the parameters, and of samples, come in on standard input; for each sample the words of the outputs,
  * the number and the status of the update, the result of each function, and the flags of the interrupt go out on standard
  * output. The first word out is the result of open. connect_core, of another file, gives the bus. */
 #include <stdio.h>
@@ -19,6 +19,10 @@ int main(int argc, char **argv)
     int32_t result = strapdown_open(&core, &map, connect_core(argc, argv));
     fwrite(&result, sizeof result, 1, stdout);
     if (result != STRAPDOWN_OK) return 1;
+    if (map.parameter_words) {
+        if (fread(sample, sizeof *sample, map.parameter_words, stdin) != map.parameter_words) return 2;
+        strapdown_parameters(&core, sample);
+    }
     strapdown_enable(&core, STRAPDOWN_REGISTERS_INTERRUPT_ENABLE_FINISH_MASK |
                             STRAPDOWN_REGISTERS_INTERRUPT_ENABLE_REFUSED_MASK);
     while (fread(sample, sizeof *sample, map.sample_words, stdin) == map.sample_words) {

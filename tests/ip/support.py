@@ -1,11 +1,13 @@
 """The driver in C, compiled and run against the model of a core behind its bus."""
 
+import json
 import socket
 import subprocess
 from pathlib import Path
 
 import numpy as np
 
+from strapdown.ip import python_map
 from strapdown.ip.package import driver_files, linux_files, register_files
 
 HERE = Path(__file__).parent
@@ -59,3 +61,18 @@ def assert_answers(words, answers):
     assert not started.any()
     assert not waited.any()
     return read.astype(np.int32), flags
+
+
+def prepare_board(folder, top, model, recording, **options):
+    """Files for tests/ip/board.py: the recording, numbers by port; the map; and the command line of the model."""
+    np.savez(folder / "recording.npz", **recording)
+    (folder / "model.json").write_text(json.dumps(model.command(**options)), encoding="utf-8")
+    (folder / f"{top.component.table.name}_map.py").write_text(python_map.text(top.component.table), encoding="ascii")
+
+
+def on_board(root, folder, task, *arguments):
+    """Run a task of tests/ip/board.py in the environment of PYNQ; returns the arrays that it wrote, if any."""
+    done = subprocess.run([root / ".venv-pynq/bin/python", HERE / "board.py", task, folder, *map(str, arguments)],
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return dict(np.load(folder / "answers.npz")) if (folder / "answers.npz").exists() else {}

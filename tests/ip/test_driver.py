@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from strapdown.cores import QUATERNION_J2, THESIS, THESIS_X8, main_module
+from strapdown.cores import FLIGHT, QUATERNION_J2, THESIS, THESIS_X8, main_module
 from strapdown.cores.registers import register_table
 from strapdown_sim.drivers.bus import answer_words, sample_words
 
@@ -50,8 +50,24 @@ def test_ten_thousand_updates_equal_the_twin(make_bus, tmp_path):
 
 
 @pytest.mark.ip
-def test_other_cores_equal_the_twin(make_bus, tmp_path):
-    check(*make_bus(QUATERNION_J2), tmp_path, 1000, seed=6, stalls=20)
+def test_gains_at_run_time(make_bus, tmp_path):
+    """Gains that are parameters, with other values than those of the configuration, equal those of the twin."""
+    gains = {"accelerometer_gain": 0.75, "magnetometer_gain": 0.125}
+    top, model = make_bus(FLIGHT.replace(inputs=tuple(gains)))
+    component, rng = top.component, np.random.default_rng(16)
+    parameters = [word.port for word in component.table.parameters]
+    assert len(parameters) == len(gains)
+    inputs = {port: rng.normal(size=300) for port in component.system.input_ports}
+    inputs |= {f"in_{name}": np.full(300, value) for name, value in gains.items()}
+    results = [component.system.run(component.program.schedule.pool, inputs | changed)[0]
+               for changed in ({}, {parameters[0]: np.ones(300)})]
+    answers, others = (answer_words(top, result) for result in results)
+    assert not np.array_equal(answers, others)
+    values = np.float32([inputs[port][0] for port in parameters]).view("<u4")
+    program, _ = build(component.table, tmp_path, ["hooks.c"], "-DSTRAPDOWN_HOOKS")
+    words, done = run(program, model, np.concatenate([values, sample_words(top, inputs).ravel()]), seed=6, stalls=20)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert_answers(words, answers)
 
 
 def test_another_configuration_is_found(make_bus, make_core, tmp_path):

@@ -1,17 +1,15 @@
 """The class for PYNQ on the real ``pynq``, in its own environment, whose device is the circuit: tests/ip/board.py."""
 
 import json
-import subprocess
 
 import numpy as np
 import pytest
 
 from strapdown.cores import CONFIGS, THESIS, OpticalConfig, main_module
 from strapdown.ip.places import Places
-from strapdown.ip.python_map import text
 from strapdown_sim.drivers.bus import answer_words
 
-from .support import HERE
+from .support import on_board, prepare_board
 
 pytestmark = pytest.mark.ip
 
@@ -26,21 +24,12 @@ def board(make_bus, root, tmp_path):
     recording = {port: rng.normal(size=SAMPLES).astype(np.float32) for port in system.input_ports}
     recording["in_accx"][[3, 60]] = np.nan
     result, _ = system.run(top.component.program.schedule.pool, recording)
-    np.savez(tmp_path / "recording.npz", **recording)
-    (tmp_path / "model.json").write_text(json.dumps(model.command(seed=12, stalls=20)), encoding="utf-8")
-    (tmp_path / "INS_top_axi_map.py").write_text(text(top.component.table), encoding="utf-8")
-
-    def run(task, *arguments):
-        done = subprocess.run([root / ".venv-pynq/bin/python", HERE / "board.py", task, tmp_path, *map(str, arguments)],
-                              capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
-        return tmp_path, answer_words(top, result)
-    return run
+    prepare_board(tmp_path, top, model, recording, seed=12, stalls=20)
+    return lambda *task: (on_board(root, tmp_path, *task), answer_words(top, result))
 
 
 def test_updates_by_register(board):
-    folder, answers = board("register")
-    found = np.load(folder / "answers.npz")
+    found, answers = board("register")
     assert np.array_equal(found["words"], answers)
     assert np.array_equal(found["numbers"], np.arange(1, SAMPLES + 1))
 
@@ -51,15 +40,14 @@ def test_updates_by_register(board):
     (10, [19 * 36] * 10 + [10 * 36]),
 ])
 def test_a_recording_by_dma(board, length_width, transfers):
-    folder, answers = board("dma", length_width)
-    found = np.load(folder / "answers.npz")
+    found, answers = board("dma", length_width)
     assert found["transfers"].tolist() == transfers
     assert np.array_equal(found["words"], answers)
 
 
-def test_errors(board):
-    folder, _ = board("errors")
-    told = json.loads((folder / "told.json").read_text(encoding="utf-8"))
+def test_errors(board, tmp_path):
+    board("errors")
+    told = json.loads((tmp_path / "told.json").read_text(encoding="utf-8"))
     cores = {main_module(config) for config in CONFIGS.values() if not isinstance(config, OpticalConfig)}
     assert {str(Places(f"{core}_axi").vlnv) for core in cores if not core.endswith("_x8")} <= set(told.pop("bound"))
     assert told == {
