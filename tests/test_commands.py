@@ -19,6 +19,9 @@ import pytest
 from click.testing import CliRunner
 
 from strapdown.cli import main
+from strapdown.cores import QUATERNION_J2, make_core
+from strapdown.cores.registers import register_table
+from strapdown.ip import driver_files
 from strapdown.link import NAVIGATION, FrameSender
 from strapdown_lab.checkout import ROOT
 from strapdown_lab.docs import own_kernel, own_operator
@@ -220,6 +223,14 @@ def report(words, place):
     assert (place.folder / "build" / "report" / "report.md").exists()
 
 
+def compiled(words, place):
+    """The compiler of this machine is called in place of the other, which tests/ip/test_arm.py calls."""
+    table = register_table(make_core("QUAT_direct", QUATERNION_J2), QUATERNION_J2)
+    for name, text in driver_files(table).items():
+        (place.folder / name).write_text(text, encoding="utf-8")
+    subprocess.run(["gcc", *(word for word in words[1:] if not word.startswith("-mcpu"))], cwd=place.folder, check=True)
+
+
 def families(words, place):
     """The results of the tools are invented, and no circuit is made; tests/lab/test_families.py makes one."""
     place.stand_in("strapdown_lab.report.families.circuit", lambda variant: (
@@ -346,8 +357,9 @@ RULES = {
     r"strapdown optical(?: .*)?": optical,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
     r"scripts/\S+\.py": lambda words, place: (ROOT / words[0]).read_text(encoding="utf-8"),
+    r"arm-linux-gnueabihf-gcc .*": compiled,
     # A test builds the wheel and installs it: tests/test_package.py.
-    r"pip install(?: 'strapdown\[\w+\]')?": lambda words, place: None,
+    r"pip (?:wheel|install).*": lambda words, place: None,
 }
 """Maps patterns of whole commands to the functions that run them; the first match is used."""
 

@@ -10,6 +10,7 @@ between the streams of the model and a memory that the processor sees through a 
 import contextlib
 import ctypes
 import importlib.util
+import io
 import json
 import struct
 import subprocess
@@ -278,9 +279,10 @@ def notebook(folder, path):
     sys.path.insert(0, str(folder))
     with running(folder) as (_, ins, dma, map), contextlib.chdir(folder):
         pynq.Overlay = lambda name: types.SimpleNamespace(core=ins, dma=dma, name=name)
-        found = {}
-        exec(code, found)
-        save(folder, map, found["outputs"], found["status"])
+        found, told = {}, io.StringIO()
+        with contextlib.redirect_stdout(told):
+            exec(code, found)
+        save(folder, map, found["outputs"], found["status"], told=told.getvalue())
 
 
 if __name__ == "__main__":

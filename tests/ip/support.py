@@ -24,14 +24,14 @@ def tool(*command):
 
 
 def build(table, folder, sources, *flags, compiler="gcc", program="run.c"):
-    """A program of the driver and other files of this folder; returns its path, and that of the driver's object."""
+    """A program of the driver and of files in its folder or this one; returns its path, and that of the object."""
     for name, text in (driver_files(table) | linux_files(table) | register_files(table)).items():
         (folder / name).write_text(text, encoding="utf-8")
     flags = [*STRICT, *DRIVER, *flags, f"-I{folder}", f"-I{HERE}", f'-DCORE_HEADER="{table.name}.h"',
              f"-DCORE_MAP={table.name.upper()}_MAP"]
     tool(compiler, *flags, "-c", folder / "strapdown.c", "-o", folder / "strapdown.o")
-    tool(compiler, *flags, "-o", folder / "run", folder / "strapdown.o", HERE / program,
-         *(HERE / name for name in sources))
+    tool(compiler, *flags, "-o", folder / "run", folder / "strapdown.o",
+         *(folder / name if (folder / name).exists() else HERE / name for name in (program, *sources)))
     return folder / "run", folder / "strapdown.o"
 
 

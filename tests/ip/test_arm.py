@@ -16,6 +16,9 @@ pytestmark = pytest.mark.ip
 COMPILER = "arm-linux-gnueabihf-gcc"
 FLAGS = ("-mcpu=cortex-a9", "-static")
 EMULATOR = ("qemu-arm", "-cpu", "cortex-a9")
+KERNEL = ("trap.c", "kernel.c", "strapdown_uio.c")
+WRAPPED = tuple(f"-Wl,--wrap={call}" for call in ("open", "mmap", "munmap", "read", "write", "poll", "close"))
+"""Files and flags for a kernel that is a file of this folder."""
 TEXT_BYTES = 1024
 """Most bytes of the driver."""
 
@@ -54,12 +57,10 @@ def test_stores_of_bytes_are_refused(make_bus, tmp_path):
 
 
 def test_interrupts_of_linux(make_bus, tmp_path):
-    """The driver for /dev/uio waits for the interrupt of the circuit; tests/ip/uio.c stands in for the kernel."""
+    """The driver for /dev/uio waits for the interrupt of the circuit; tests/ip/kernel.c is the kernel."""
     top, model = make_bus(THESIS)
     samples, answers = updates(top, 50)
-    calls = ("open", "mmap", "munmap", "read", "write", "poll", "close")
-    program, _ = build(top.component.table, tmp_path, ["trap.c", tmp_path / "strapdown_uio.c"], *FLAGS,
-                       "-Wl," + ",".join(f"--wrap={call}" for call in calls), compiler=COMPILER, program="uio.c")
+    program, _ = build(top.component.table, tmp_path, KERNEL, *FLAGS, *WRAPPED, compiler=COMPILER, program="uio.c")
     words, done = run(program, model, samples, before=EMULATOR, seed=10, stalls=30)
     assert done.returncode == 0, done.stderr
     assert np.array_equal(words.reshape(answers.shape), answers)
@@ -78,3 +79,23 @@ def test_device_tree(make_bus, tmp_path):
     for line in ("navigation@43c00000 {", 'compatible = "generic-uio";', "reg = <0x43c00000 0x1000>;",
                  "interrupts = <0x00 0x1d 0x04>;"):
         assert line in text
+
+
+@pytest.mark.parametrize("block", [0, 1], ids=["registers", "linux"])
+def test_programs_of_the_page(make_bus, root, tmp_path, block):
+    """The programs in C of docs/software.md show the angles of the twin."""
+    top, model = make_bus(THESIS)
+    page = (root / "docs" / "software.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```c\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 2
+    (tmp_path / "main.c").write_text(blocks[block], encoding="ascii")
+    samples, answers = updates(top, 40)
+    program, _ = build(top.component.table, tmp_path, [*KERNEL, "page.c"], *FLAGS, *WRAPPED, compiler=COMPILER,
+                       program="main.c")
+    words, done = run(program, model, samples, before=EMULATOR)
+    assert done.returncode == 0, done.stderr
+    table = top.component.table
+    shown = answers[answers[:, -1] & table["SNAPSHOT_STATUS"]["refused"].mask == 0]
+    columns = [[word.port for word in table.outputs].index(f"out_{angle}") for angle in ("pitch", "roll", "yaw")]
+    assert len(shown) < len(answers)
+    assert np.array_equal(words.reshape(-1, 3), shown[:, columns])

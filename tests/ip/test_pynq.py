@@ -45,6 +45,15 @@ def test_a_recording_by_dma(board, length_width, transfers):
     assert np.array_equal(found["words"], answers)
 
 
+def test_notebook(board, root):
+    """The code of the notebook, with a stand-in for the overlay."""
+    found, answers = board("notebook", root / "docs" / "attitude.ipynb")
+    assert np.array_equal(found["words"], answers)
+    told = [line.split() for line in str(found["told"]).splitlines()]
+    assert [words[0] for words in told[:3]] == ["pitch", "roll", "yaw"]
+    assert ["refused", "2", "of", str(SAMPLES), "updates"] in told
+
+
 def test_errors(board, tmp_path):
     board("errors")
     told = json.loads((tmp_path / "told.json").read_text(encoding="utf-8"))

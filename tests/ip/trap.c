@@ -12,6 +12,9 @@
 
 enum { THUMB = 1 << 5, PC = 15 };
 
+/* Address of the core in the example design. */
+static void *const address_of_core = (void *)0x43C00000;
+
 static int file;
 static uint8_t *page;
 static unsigned long loads, stores;
@@ -115,8 +118,8 @@ strapdown_bus connect_core(int argc, char **argv)
 {
     struct sigaction action;
     file = argc == 2 ? atoi(argv[1]) : 0;
-    page = mmap(NULL, sizeof(struct strapdown_registers), PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (page == MAP_FAILED) exit(7);
+    page = mmap(address_of_core, sizeof(struct strapdown_registers), PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (page != address_of_core) exit(7);
     memset(&action, 0, sizeof action);
     action.sa_sigaction = trapped;
     action.sa_flags = SA_SIGINFO;
