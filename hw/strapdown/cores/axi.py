@@ -95,7 +95,7 @@ class AxiCore(Wrapper):
     """
 
     def __init__(self, engine, table, *, error_response="slverr"):
-        self._table = table
+        self._table, self._error_response = table, error_response
         self._streams = any(field.name == "stream" for field in table["CONTROL"].fields)
         # The registers of a sample can also be loaded by the stream.
         samples = [register.name for word in table.samples for register in word.registers]
