@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from strapdown.cli import UserError
-from strapdown.cli.common import writing
+from strapdown.cli.common import show_table, writing
 from strapdown.cli.progress import progress_bars
 from strapdown.cores import CONFIGS
 from strapdown.files import written_together
@@ -22,6 +22,7 @@ from .report.families import VARIANTS, measure_families
 from .report.measure import core_design, measure, operator_design, provenance
 from .report.operators import MEASURED
 from .report.report import write_cores, write_families, write_json, write_operators, write_page
+from .report.vivado import VivadoReportError, read_timing, read_utilization
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
 from .synthesis import FAMILIES, ToolMissingError
@@ -42,12 +43,18 @@ __all__ = ["accuracy", "compare", "families", "report"]
               show_default=True, help="Folder for JSON, tables and pictures.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder that keeps the results of the tools and the simulation models.")
-def report(operators, cores, only, config_names, place, output, build):
+@click.option("--vivado", type=click.Path(exists=True, dir_okay=False, path_type=Path), nargs=2, default=None,
+              metavar="UTILIZATION TIMING",
+              help="Measure nothing, but print what Vivado's reports of a design say: the files of report_utilization "
+                   "and report_timing_summary.")
+def report(operators, cores, only, config_names, place, output, build, vivado):
     """Synthesise operators and cores, place and route them, and compare them with public ones.
 
     Results are kept: an interrupted run continues where it stopped.
     """
-
+    if vivado:
+        print_vivado(*vivado)
+        return
     names = list(dict.fromkeys(entry.operator for entry in MEASURED))
     if unknown := [name for name in only if name not in names]:
         raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
@@ -79,6 +86,19 @@ def report(operators, cores, only, config_names, place, output, build):
             write_operators(folder, reports["operators"])
         path = write_page(folder, **reports)
     click.echo(output / path.name)
+
+
+def print_vivado(utilization, timing):
+    """Print resources and clocks of a design that Vivado has reported. Raises: UserError."""
+    try:
+        resources, clocks = read_utilization(utilization), read_timing(timing)
+    except VivadoReportError as error:
+        raise UserError(str(error)) from None
+    rows = [(resource, f"{used:,g} of {available:,g}") for resource, (used, available) in resources.items()]
+    for clock, (period, slack) in clocks.items():
+        met = "met" if slack >= 0 else f"missed by {-slack:g} ns"
+        rows.append((clock, f"{1000 / (period - slack):.3g} MHz; the constraint of {1000 / period:.3g} MHz is {met}"))
+    show_table(rows)
 
 
 @click.command()
