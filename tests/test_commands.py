@@ -231,6 +231,13 @@ def compiled(words, place):
     subprocess.run(["gcc", *(word for word in words[1:] if not word.startswith("-mcpu"))], cwd=place.folder, check=True)
 
 
+def reports(words, place):
+    """Reports of a design, which were made by hand."""
+    for file in "utilization.rpt", "timing.rpt":
+        shutil.copy(ROOT / "tests" / "lab" / "vivado" / file, place.folder)
+    assert place.invoke(main, words[1:]).startswith("LUT  ")
+
+
 def families(words, place):
     """The results of the tools are invented, and no circuit is made; tests/lab/test_families.py makes one."""
     place.stand_in("strapdown_lab.report.families.circuit", lambda variant: (
@@ -349,6 +356,7 @@ RULES = {
     r"strapdown(?: \w+)?": named,
     r"strapdown monitor /dev/ttyUSB0 .*": serial,
     r"strapdown monitor .*": strapdown,
+    r"strapdown report --vivado .*": reports,
     r"strapdown report .*": report,
     r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*)": with_names,

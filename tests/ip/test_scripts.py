@@ -34,6 +34,12 @@ def test_calls_of_a_script(copied, name, tmp_path):
     assert calls == (GOLDEN / f"{name}.txt").read_text(encoding="utf-8")
 
 
+def test_ise_takes_another_part(copied, tmp_path):
+    status, errors, calls = run(copied, "ise.tcl", "Virtex5", "xc5vlx50t", "ff1136", "-1", folder=tmp_path)
+    assert (status, errors) == (0, "")
+    assert "project set device xc5vlx50t" in calls
+
+
 def test_example_leaves_its_results_in_a_folder(copied, tmp_path):
     run(copied, "example.tcl", "pynq-z2", folder=tmp_path)
     assert {path.name for path in (copied.folder / "build" / "pynq-z2").iterdir() if path.is_file()} == {

@@ -412,7 +412,7 @@ proc ::stub::source {pin} { return [expr {[dict exists $::stub::nets $pin] ? [di
         set {
             ::stub::must {[llength $rest] == 3} {project set takes a name and a value}
             lassign $rest _ property value
-            set values {family Spartan6 device xc6slx45 package csg324 speed -3 "Add I/O Buffers" {false true}
+            set values {family {Spartan6 Virtex5} device {xc6slx45 xc5vlx50t} package {csg324 ff1136} speed {-3 -1} "Add I/O Buffers" {false true}
                 "Generate Detailed MAP Report" {false true}}
             dict set values top [dict get $::stub::facts name]
             ::stub::must {[dict exists $values $property] && $value in [dict get $values $property]} {
