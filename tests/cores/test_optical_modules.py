@@ -185,6 +185,8 @@ def test_the_whole_with_buffer_trigger_and_the_formulas_of_the_patent(models):
         position = 800 + 40 * own.number + 200 * own.ccd
         return np.round(150 + 2600 * np.exp(-(pixels - position) ** 2 / 18)).astype(int)
 
+    timing = " ".join(paragraph for section in bench.core.component.sections for paragraph in section.paragraphs)
+    assert "A trigger may come later, but the equations take this period." in timing
     run = bench.run(lines, image, calibration=calibration.ports(), actions=actions, inertial=Inertial(
         samples, np.tile((0.5, 1.0, -9.8), (len(samples), 1)), np.zeros(len(samples))))
     assert run.pins.violations == []

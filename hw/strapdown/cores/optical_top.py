@@ -109,9 +109,11 @@ class OpticalTop(Assembled):
         samples = (" An update takes the mean of the samples of accelerometer and yaw rate that came since the line "
                    f"before. Samples are lost if they come less than {self._sums.interval} cycles after "
                    "the one before.") if self._sums else ""
-        return (f"A line takes {self._timing.line_cycles} cycles. out_attitude_finish rises {latency} cycles after the "
-                f"last pixel has come from the ADCs, {self._adc.latency} cycles after its sample, in every line; with "
-                f"it, all outputs and the status change.{samples}")
+        late = (" A trigger may come later, but the equations take this period."
+                if "trigger" in self._timing.signature.members else "")
+        return (f"A line takes {self._timing.line_cycles} cycles.{late} out_attitude_finish rises {latency} cycles "
+                f"after the last pixel has come from the ADCs, {self._adc.latency} cycles after its sample, in every "
+                f"line; with it, all outputs and the status change.{samples}")
 
     @property
     def interval(self):
