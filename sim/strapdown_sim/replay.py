@@ -357,10 +357,17 @@ def _bridged(recording):
     return () if recording.timing is None else recording.timing.bridged
 
 
+ROWS_AT_ONCE = 10_000
+"""Rows whose texts are in memory at once."""
+
+
 def _write_csv(path, time_s, columns):
     """Write a CSV file: t in seconds, then ``columns``, which maps names to (numbers, decimals)."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("t", *columns))
-        texts = [[f"{value:.{decimals}f}" for value in values.tolist()] for values, decimals in columns.values()]
-        writer.writerows(zip((f"{t:.6f}" for t in time_s.tolist()), *texts, strict=True))
+        for first in range(0, len(time_s), ROWS_AT_ONCE):
+            rows = slice(first, first + ROWS_AT_ONCE)
+            texts = [[f"{value:.{decimals}f}" for value in values[rows].tolist()]
+                     for values, decimals in ((time_s, 6), *columns.values())]
+            writer.writerows(zip(*texts, strict=True))
