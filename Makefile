@@ -53,7 +53,8 @@ test: setup icarus ## Run all tests, except those that only `make sim` and `make
 	$(PYTEST) -m 'not sim_only and not ip'
 
 test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready $(VENV)-fusesoc/ready $(VENV)-litex/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ, FuseSoC, LiteX.
-	@scripts/install_arm.sh
+	@scripts/install_debian.sh arm-linux-gnueabihf-gcc=gcc-arm-linux-gnueabihf \
+		arm-linux-gnueabihf-ld=libc6-dev-armhf-cross qemu-arm=qemu-user dtc=device-tree-compiler
 	@scripts/install_debian.sh chromium=chromium chromedriver=chromium-driver tclsh=tcl yosys=yosys
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m ip
