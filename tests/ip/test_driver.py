@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from strapdown.cores import FLIGHT, QUATERNION_J2, THESIS, THESIS_X8, main_module
+from strapdown.cores import FLIGHT, QUATERNION_J2, SINS, THESIS, THESIS_X8, main_module
 from strapdown.cores.registers import register_table
 from strapdown_sim.drivers.bus import answer_words, sample_words
 
@@ -24,7 +24,9 @@ def updates(top, count, *, seed=15):
     inputs[system.input_ports[0]][7::50] = np.nan
     result, _ = system.run(top.component.program.schedule.pool, inputs)
     assert result["refused"].sum() == len(range(7, count, 50))
-    return sample_words(top, inputs), answer_words(top, result)
+    answers = answer_words(top, result)
+    assert len(np.unique(answers, axis=0)) > count // 2
+    return sample_words(top, inputs), answers
 
 
 def check(top, model, tmp_path, count, **options):
@@ -47,6 +49,32 @@ def test_updates_equal_the_twin(make_bus, tmp_path):
 @pytest.mark.ip
 def test_ten_thousand_updates_equal_the_twin(make_bus, tmp_path):
     check(*make_bus(THESIS), tmp_path, 10_000, seed=5, stalls=40)
+
+
+@pytest.mark.ip
+def test_words_of_64_bits_equal_the_twin(make_bus, tmp_path):
+    top, model = make_bus(SINS)
+    samples, answers = updates(top, 60)
+    program, _ = build(top.component.table, tmp_path, ["hooks.c"], "-DSTRAPDOWN_HOOKS")
+    words, done = run(program, model, samples, seed=7, stalls=20)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert_answers(words, answers)
+
+
+@pytest.mark.ip
+def test_channels_equal_the_twin(make_bus, tmp_path):
+    """One sample for each channel in turn; each channel has a state of its own."""
+    top, model = make_bus(THESIS_X8)
+    component, rng = top.component, np.random.default_rng(18)
+    inputs = {port: rng.normal(size=(40, component.channels)).astype(np.float32)
+              for port in component.system.input_ports}
+    result, _ = component.system.run(component.program.schedule.pool, inputs)
+    inputs, result = ({name: np.ravel(values) for name, values in each.items()} for each in (inputs, result))
+    answers = answer_words(top, result)
+    program, _ = build(component.table, tmp_path, ["hooks.c"], "-DSTRAPDOWN_HOOKS")
+    words, done = run(program, model, sample_words(top, inputs), seed=8, stalls=20)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert_answers(words, answers)
 
 
 @pytest.mark.ip
