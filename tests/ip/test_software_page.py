@@ -75,3 +75,14 @@ def test_files_for_a_board_are_read_by_its_python(root):
     for name in "device.py", "pynq.py", "uio.py", "__init__.py":
         source = (root / "hw/strapdown" / name).read_text(encoding="utf-8")
         ast.parse(source, feature_version=(3, 10))
+
+
+def test_files_are_in_the_package(root, package):
+    """Each file that the page names, with the name of another core."""
+    page = (root / "docs" / "software.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"^\| file .*?\n\n", page, re.MULTILINE | re.DOTALL)
+    rows = [re.findall(r"`([^`]+)`", line.split("|")[1]) for line in table.splitlines()[2:] if line]
+    assert len(rows) == 5
+    for first, *others in rows:
+        for name in (first, *(f"{first.rpartition('/')[0]}/{other}" for other in others)):
+            assert (package.folder / name.replace("INS_top_axi", "QUAT_direct_axi")).is_file(), name
