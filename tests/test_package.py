@@ -82,6 +82,12 @@ def test_installed_wheel_lists_generates_and_replays(root, distributions, tmp_pa
     verilog = tmp_path / "build" / "verilog" / "mahony" / "INS_top.v"
     assert "module INS_top (" in verilog.read_text(encoding="ascii")
 
+    # Templates and sources of drivers are in the wheel; PeakRDL is an extra.
+    strapdown("ip", "quaternion_j2", "--no-streams")
+    package = tmp_path / "build" / "ip" / "quaternion_j2"
+    assert {path.name for path in package.iterdir()} >= {"component.xml", "example.tcl", "drivers", "hdl", "linux"}
+    assert list(package.rglob("registers/*.xml")) == []
+
     rows = [f"{k / 100:.2f},1,2,3,0.01,0.02,1,20,1,-40" for k in range(100)]
     (tmp_path / "flight.csv").write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
     strapdown("replay", "flight.csv", "--config", "mahony", "--output", "out")

@@ -15,6 +15,7 @@ RUNS = {
     "pynq-z2": ("example.tcl", "pynq-z2"),
     "zedboard": ("example.tcl", "zedboard", "50"),
     "ise": ("ise.tcl",),
+    "ooc": ("constraints/QUAT_direct_axi_ooc.xdc",),
     "xgui": ("xgui/QUAT_direct_axi_v1_0.tcl",),
     "driver": ("drivers/QUAT_direct_axi_v1_0/data/QUAT_direct_axi.tcl",),
 }
@@ -84,7 +85,7 @@ def test_a_script_ends_with_a_sentence(copied, name, tmp_path):
     assert "\n" not in errors
 
 
-EXAMPLE, PACKAGER, ISE = RUNS["pynq-z2"], RUNS["package_ip"], RUNS["ise"]
+EXAMPLE, PACKAGER, ISE, CLOCK = RUNS["pynq-z2"], RUNS["package_ip"], RUNS["ise"], RUNS["ooc"]
 
 FAULTS = {
     "unknown command": (EXAMPLE, "save_bd_design", "save_design", "invalid command name"),
@@ -123,6 +124,8 @@ FAULTS = {
     "interrupt without level": (PACKAGER, "set_property value LEVEL_HIGH", "set_property value EDGE_RISING",
                                 "irq has no sensitivity"),
     "register elsewhere": (PACKAGER, "{SCRATCH 0x00C", "{SCRATCH 0x0C0", "is not that of component.xml"),
+    "clock at a port that does not exist": (CLOCK, "get_ports aclk", "get_ports clk", "there is no port clk"),
+    "clock at the reset": (CLOCK, "get_ports aclk", "get_ports aresetn", "is no clock"),
     "unknown setting of ISE": (ISE, "Add I/O Buffers", "Add IO Buffers", "is not known"),
     "unknown process of ISE": (ISE, "process run \"Synthesize - XST\"", "process run Synthesize",
                                "there is no process"),

@@ -391,6 +391,16 @@ proc ::stub::source {pin} { return [expr {[dict exists $::stub::nets $pin] ? [di
 ::stub::command get_timing_paths {setup} {} 0 0 { return path:worst }
 ::stub::command write_hw_platform {fixed include_bit force} {file} 0 0 { close [open [dict get $options file] w] }
 
+# Constraints
+
+::stub::command get_ports {} {} 1 1 { return [::stub::object port [lindex $rest 0] [dict keys [dict get $::stub::facts pins]]] }
+::stub::command create_clock {} {name period} 1 1 {
+    ::stub::expect port [lindex $rest 0]
+    ::stub::must {[lindex [dict get $::stub::facts pins [::stub::name [lindex $rest 0]]] 1] eq "clock"} {
+        [lindex $rest 0] is no clock}
+    ::stub::must {[dict get $options period] > 0} {the period must be positive}
+}
+
 # The dialogue, and the description of the driver
 
 ::stub::command ipgui::add_param {} {name} 1 1 {

@@ -36,7 +36,7 @@ TEMPLATES.filters["word"] = tcl_word
 def filled(template: str, **values: object) -> str:
     """Text of a template, in ASCII."""
     text = TEMPLATES.get_template(template).render(**values)
-    return "\n".join(map(ascii_text, text.split("\n")))
+    return re.sub(r"[^\n\t]+", lambda found: ascii_text(found[0]), text)
 
 
 def scripts(top, places, command) -> dict[str, str]:
