@@ -32,6 +32,13 @@ _RANKS = (("uncal", 2), ("raw", 1), ("linear", 1), ("filtered", 1), ("user", 3),
 """Words that make a source less wanted where there are several."""
 
 
+_TAILS = {"axis", "cal"}
+"""Words after the axis that say nothing about it."""
+
+_DIGITS = {"element": "1234"}
+"""Numbers of axes that do not begin with 0."""
+
+
 class Column(NamedTuple):
     """A column: quantity, axis (empty for time), name of the source, unit as written, number in the table."""
 
@@ -66,7 +73,7 @@ def _parted(cell):
 def _kind(words):
     """Quantity of the words of a name without axis and unit, or None."""
     text = "".join(words)
-    if text in _TIMES or (words and words[0] in ("time", "timestamp") and len(words) == 1):
+    if text in _TIMES or "timestamp" in text:
         return TIME
     if text in _COUNTERS:
         return COUNTER
@@ -74,17 +81,37 @@ def _kind(words):
                     "debug", "setpoint", "norm", "magnitude", "abs", "absolute") for word in words):
         return None
     if "gyr" in text or "angularvel" in text or "angularrate" in text or "rotationrate" in text or \
-            text in ("g", "w", "omega", "wrss"):
+            text in ("g", "w", "omega", "wrss", "as"):
         return GYRO
     if "acc" in text or "specificforce" in text or text in ("a", "f", "arss"):
         return ACCEL
-    if "mag" in words or "magn" in text or text in ("m", "mags", "magadc", "compass") or text.startswith("mag"):
+    if "mag" in words or "magn" in text or text in ("m", "h", "mags", "compass") or text.startswith("mag"):
         return MAG
-    if "quat" in text or text in ("q", "qrs", "element", "orientation"):
+    if "quat" in text or text in ("q", "qrs", "element") or (words and words[-1] == "orientation"):
         return ATTITUDE
     if "baro" in text or text == "pressure":
         return PRESSURE
     return None
+
+
+def _lettered(words):
+    """Places of words that may be an axis, the last one first, with the axis and the words before."""
+    for place in range(len(words) - 1, -1, -1):
+        if re.fullmatch(r"[wxyz]", words[place]):
+            yield place, words[place], words[:place]
+        elif re.fullmatch(r"[gamhw][xyz]|q[wxyz]", words[place]):
+            yield place, words[place][1], [*words[:place], words[place][0]]
+
+
+def _numbered(words):
+    """The same for axes that are numbers, in the last word."""
+    if len(words) > 1 and re.fullmatch(r"[0-4]", words[-1]):
+        yield len(words) - 1, words[-1], words[:-1]
+
+
+def _of_number(before, kind, number):
+    numbers = _DIGITS.get("".join(before), "0123")
+    return dict(zip(numbers, AXES[kind], strict=False)).get(number, "")
 
 
 def _column(cell, index, default):
@@ -93,27 +120,14 @@ def _column(cell, index, default):
     words = _tokens(label)
     if not words:
         return None
-    # The axis is the last word, or the last before a unit without brackets: gyro_x_rad_s.
-    axes = {"x": "x", "y": "y", "z": "z", "w": "w"}
-    for place in range(len(words) - 1, max(len(words) - 4, -1), -1):
-        word, tail = words[place], "".join(words[place + 1:])
-        before = words[:place]
-        axis = axes.get(word)
-        if axis is None and re.fullmatch(r"[gamwq][xyz]|q[wxyz]", word):
-            axis, before = word[1], [*before, word[0]]
-        if axis is None and re.fullmatch(r"[0-4]", word) and before:
-            kind = _kind(before)
-            axis = (("wxyz" if kind == ATTITUDE else "xyz")[int(word):][:1] if before != ["element"]
-                    else " wxyz"[int(word):][:1]) or None
-        tail = "" if tail == "axis" else tail
-        if axis is None or (tail and unit is not None):
-            continue
+    for place, axis, before in (*_lettered(words), *_numbered(words)):
+        tail = "".join(word for word in words[place + 1:] if word not in _TAILS)
         kind = _kind(before) if before else default
-        if kind not in AXES or axis not in AXES[kind]:
+        if kind not in AXES or (tail and (unit is not None or factor(kind, tail) is None)):
             continue
-        if tail and factor(kind, tail) is None:
-            continue
-        return Column(kind, axis, " ".join(before) or kind, unit if unit is not None else tail or None, index)
+        axis = axis if axis.isalpha() else _of_number(before, kind, axis)
+        if axis in list(AXES[kind]):
+            return Column(kind, axis, " ".join(before) or kind, unit if unit is not None else tail or None, index)
     for count in range(len(words), 0, -1):
         kind, tail = _kind(words[:count]), "".join(words[count:])
         if kind in (TIME, COUNTER, PRESSURE) and (not tail or (unit is None and factor(kind, tail))):

@@ -36,6 +36,9 @@ LONGEST_BRIDGED_S, LARGEST_BRIDGED_DEG = 10.0, 5.0
 LARGEST_FAST_DEG = 90.0
 """Angle by which a line across any gap can be wrong."""
 
+ENDS = 5
+"""Samples at each end of a gap, whose mean is the rate there."""
+
 SLOWEST_HZ = 1.0
 """Slowest rate of the samples: a slower one is time in a wrong unit."""
 
@@ -141,7 +144,8 @@ def _bridged(log, clock, rates, faults):
     for gap in found.lost:
         length = gap.end_s - gap.start_s
         # The rate may have gone from one end's value to the other's at any instant.
-        angle = length * float(np.linalg.norm(rates[gap.sample] - rates[gap.sample - 1])) / 2
+        before, after = rates[max(gap.sample - ENDS, 0):gap.sample], rates[gap.sample:gap.sample + ENDS]
+        angle = length * float(np.linalg.norm(after.mean(axis=0) - before.mean(axis=0))) / 2
         if (length > BRIDGED_S and (length > LONGEST_BRIDGED_S or angle > LARGEST_BRIDGED_DEG)) or \
                 angle > LARGEST_FAST_DEG:
             raise RecordingError(_remedy(log, clock, found.lost, gap, length, angle))

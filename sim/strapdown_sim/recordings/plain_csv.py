@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,9 @@ __all__ = ["FIXED_UNITS", "gravity_side", "kind_of_name", "read_csv", "table_log
 
 FIXED_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "uT"}
 """Units of files of Sensor Logger, which do not name them."""
+
+ROS_UNITS = FIXED_UNITS | {MAG: "T"}
+"""Units of the messages of ROS, for tables with their fields."""
 
 XSENS_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "a.u."}
 """Units of text files of Xsens MT Manager."""
@@ -51,13 +55,16 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         raise RecordingError(f"{table.path}: no column {name!r}; the columns are {', '.join(table.header)}: name it "
                              "with "
                              f"--columns {missing[0]}_x=NAME:UNIT")
-    if TIME not in found.of and COUNTER in found.of and "packet" in found.of[COUNTER][0].source:
+    xsens = _xsens(table, found, sample_rate_hz)
+    if xsens is None and TIME not in found.of and COUNTER in found.of and "packet" in found.of[COUNTER][0].source:
         return x_imu_log(table, found, sample_rate_hz, reference)
     if reference is not None:
         raise RecordingError(f"{table.path}: only x-IMU exports have a separate reference; leave it out")
-    stamped, rate, units = True, None, None
-    if (xsens := _xsens(table, found, sample_rate_hz)) is not None:
+    stamped, rate, units = True, None, _ros_units(found)
+    if xsens is not None:
         time_s, stamped, units = xsens
+    elif _is_blackbox(table) and TIME in found.of and not found.of[TIME][0].unit:
+        time_s = 1e-6 * table.values[:, found.of[TIME][0].number]
     elif TIME in found.of:
         if sample_rate_hz is not None:
             raise RecordingError(f"{table.path}: the file contains its time; leave out the sample rate")
@@ -68,11 +75,20 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         raise RecordingError(f"{table.path}: no column 'Time'; add it, name it with --columns time=NAME:UNIT, or give "
                              "the "
                              "rate of the rows with --rate HZ")
+    notes = list(ignored_note(found))
+    if _is_blackbox(table):
+        table, units, guessed = _blackbox(table, found)
+        notes += guessed
     streams = streams_of(table, found, time_s, units=units)
     streams += _beside(table, found)
     streams += [Stream(**attitude) for attitude in _attitude(table, found, time_s, streams)]
-    return Log(table.path, "table of text", tuple(streams), notes=ignored_note(found), rate_hz=rate, stamped=stamped,
+    return Log(table.path, "table of text", tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
                place=lambda row: f"line {table.lines[row]}")
+
+
+def _ros_units(found):
+    """Units of the fields of ROS messages, if a table has such fields; they name none."""
+    return ROS_UNITS if "angular velocity" in found.of[GYRO][0].source else None
 
 
 def _xsens(table, found, sample_rate_hz):
@@ -97,6 +113,32 @@ def _xsens(table, found, sample_rate_hz):
     # 16 bits.
     steps = np.mod(np.diff(counter), 65536)
     return np.concatenate([[0.0], np.cumsum(steps)]) / rate, True, units
+
+
+def _is_blackbox(table):
+    """Whether a table is a blackbox log that a program has decoded."""
+    return {"gyroadc[0]", "accsmooth[0]"} <= {cell.partition("(")[0].strip().lower() for cell in table.header}
+
+
+def _blackbox(table, found):
+    """The table with the specific force in g, the units of its columns, and notes.
+
+    Without units in the header rates are in deg/s, and the specific force is in units of ``acc_1G``, which is in a line
+    before the header, or else the power of two next to the median of the force.
+    """
+    units = {GYRO: "deg/s", ACCEL: "g", MAG: "a.u."}
+    notes: list[str] = []
+    if found.of[ACCEL][0].unit:
+        return table, units, notes
+    columns = [column.number for column in found.of[ACCEL]]
+    given = [match for line in table.comments if (match := re.match(r'"?acc_1G"?\s*[,:]\s*"?(\d+)', line))]
+    one_g = float(given[0][1]) if given else float(2 ** np.rint(np.log2(np.nanmedian(
+        np.linalg.norm(table.values[:, columns], axis=1)))))
+    if not given:
+        notes.append(f"accelerometer: {one_g:g} units are taken as one g")
+    values = table.values.copy()
+    values[:, columns] /= one_g
+    return replace(table, values=values), units, notes
 
 
 def _beside(table, found):

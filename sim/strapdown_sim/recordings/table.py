@@ -4,6 +4,7 @@ import codecs
 import csv
 import re
 from array import array
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,9 @@ PACKET = "Packet number"
 
 COMMENT = "#", "//", "%"
 """Starts of lines that are not part of the table, but for the last one before the numbers, which may be its header."""
+
+SAMPLES = 16
+"""One more than the lines from which the number of columns is found."""
 
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "+nan", "-nan"}
 """Cells without a number, in lower case."""
@@ -37,7 +41,7 @@ class Table:
     lines : Sequence of int
         Number of the line of each row.
     comments : tuple of str
-        Comment lines, stripped.
+        Lines of comments, and other lines before the header, stripped.
     columns : dict
         Maps names that the reader knows to columns.
     """
@@ -83,6 +87,9 @@ def parse_table(path: Path, text: str, *, header: list[str] | None = None) -> Ta
         row = _split(line, delimiter)
         if len(row) == width + 1 and not row[-1].strip():
             row.pop()
+        if len(row) != width and not any(rest.strip() for rest in lines[number:]):
+            # The logger was switched off while it wrote the last line.
+            break
         if len(row) != width:
             raise RecordingError(f"{path}: line {number} has {len(row)} cells, the header {width}; complete or delete "
                                  "it")
@@ -145,7 +152,7 @@ def _is_number(cell):
 
 def _layout(path, lines, header):
     """First line of numbers (index), names, delimiter, whether the decimal sign is a comma, and comments."""
-    comments, before = [], []
+    comments, before, width = [], [], _usual_width(lines)
     for index, line in enumerate(lines):
         text = line.strip()
         if not text:
@@ -155,7 +162,8 @@ def _layout(path, lines, header):
             before.append(text.lstrip("#/% "))
             continue
         found = _numeric(text, before[-1:] if header is None else [])
-        if found is None:
+        # Lines before the table may hold numbers too, such as settings.
+        if found is None or (width is not None and abs(len(_split(text, width[0])) - width[1]) > 1):
             before.append(text)
             continue
         delimiter, cells = found
@@ -164,23 +172,32 @@ def _layout(path, lines, header):
             return index, header, delimiter, comma, tuple(comments)
         # The header is the last line with as many cells, or one less where lines end with a delimiter; a line of units
         # may stand below it.
-        width = len(cells)
+        count = len(cells)
         heads = [[cell.strip().strip('"') for cell in _split(each, delimiter)] for each in before[-2:]]
-        heads = [head[:width] for head in heads if len(head) in (width, width + 1)
-                 or (len(head) == width - 1 and not cells[-1].strip())]
+        heads = [head[:count] for head in heads if len(head) in (count, count + 1)
+                 or (len(head) == count - 1 and not cells[-1].strip())]
         if not heads:
             raise RecordingError(f"{path}: line {index + 1} holds numbers, and no line before it names "
-                                 f"{width} columns")
+                                 f"{count} columns")
         names = heads[-1]
         if len(heads) == 2 and len(heads[0]) == len(names) and all(_is_unit(cell) for cell in names):
-            names = [f"{name} ({unit.strip('()[]')})" if unit.strip("()[]") else name
-                     for name, unit in zip(heads[0], names, strict=True)]
-        return index, names, delimiter, comma, tuple(comments)
+            units = [re.sub(r"[()\[\]]", "", unit) for unit in names]
+            names = [f"{name} ({unit})" if unit else name for name, unit in zip(heads[0], units, strict=True)]
+        return index, names, delimiter, comma, (*comments, *before[:-1])
     if not any(line.strip() for line in lines):
         raise RecordingError(f"{path}: the file is empty")
     first = next(line for line in lines if line.strip())
     delimiter = max(",;\t", key=first.count)
     return len(lines), header or [cell.strip().strip('"') for cell in first.split(delimiter)], delimiter, False, ()
+
+
+def _usual_width(lines):
+    """Delimiter and number of cells of most lines in the file, or None if it has no numbers."""
+    rows = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)]
+    places = [len(rows) * part // SAMPLES for part in range(1, SAMPLES)] if len(rows) > 1 else []
+    found = [numeric for place in places if (numeric := _numeric(rows[place].strip(), rows[place - 1:place]))]
+    counts = Counter((delimiter, len(cells)) for delimiter, cells in found)
+    return counts.most_common(1)[0][0] if counts else None
 
 
 def _is_unit(cell):

@@ -35,7 +35,7 @@ _SPELLINGS = {
               "mps2": "m/s^2", "mps^2": "m/s^2", "m/sec^2": "m/s^2", "m/sec2": "m/s^2", "mss": "m/s^2", "ms2": "m/s^2",
               "m/ss": "m/s^2", "milli-g": "mg", "micro-g": "ug"},
     "mag": {"gauss": "g", "gs": "g", "ga": "g", "mgauss": "mg", "mga": "mg", "milligauss": "mg", "tesla": "t",
-            "microtesla": "ut", "nanotesla": "nt", "millitesla": "mt", "au": "a.u."},
+            "microtesla": "ut", "microteslas": "ut", "nanotesla": "nt", "millitesla": "mt", "au": "a.u."},
     "pressure": {"pascal": "pa", "millibar": "mbar"},
     "attitude": {},
 }
