@@ -399,13 +399,15 @@ OTHERS = {  # header; a row with {t} s, {n} ns since 1970, {u} us, its number {k
     "phyphox": ('"Time (s)","Gyroscope x (rad/s)","Gyroscope y (rad/s)","Gyroscope z (rad/s)","Acceleration x (m/s^2)",'
                 '"Acceleration y (m/s^2)","Acceleration z (m/s^2)","Absolute acceleration (m/s^2)"',
                 "{t},.1,.2,.3,0,0,9.8,9.8", np.degrees([0.1, 0.2, 0.3])),
-    "fields of ROS": ("%time,field.header.seq,field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
+    "fields of ROS": ("%time,field.header.seq,field.angular_velocity.x,field.angular_velocity.y,"
+                      "field.angular_velocity.z,"
                       "field.linear_acceleration.x,field.linear_acceleration.y,field.linear_acceleration.z",
                       "{n},{k},.1,.2,.3,0,0,9.8", np.degrees([0.1, 0.2, 0.3])),
     "SensorLog": ("loggingTime(txt),accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G),"
                   "accelerometerAccelerationY(G),accelerometerAccelerationZ(G),gyroRotationX(rad/s),gyroRotationY(rad/s),"
                   "gyroRotationZ(rad/s)", "2020-01-01 00:00:00.000,{t},0,0,1,.1,.2,.3", np.degrees([0.1, 0.2, 0.3])),
-    "Xsens DOT": ("DeviceTag:,DOT\nFirmwareVersion:,2.0\nPacketCounter,SampleTimeFine,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,Acc_X,"
+    "Xsens DOT": ("DeviceTag:,DOT\nFirmwareVersion:,2.0\nPacketCounter,SampleTimeFine,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,"
+                  "Acc_X,"
                   "Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", "{k},{u},0,0,0,0,0,9.8,1,2,3", [1, 2, 3]),
     "WitMotion": ("Time(s)\tAccX(g)\tAccY(g)\tAccZ(g)\tAsX(°/s)\tAsY(°/s)\tAsZ(°/s)\tHX(uT)\tHY(uT)\tHZ(uT)",
                   "{t}\t0\t0\t1\t1\t2\t3\t20\t0\t-40", [1, 2, 3]),
