@@ -28,13 +28,12 @@ def write_guides(folder: Path, make_core: Callable = make_core) -> Iterator[Path
     folder.mkdir(exist_ok=True)
     for config in guided_configs():
         name = config.name
-        core = make_core(main_module(config), config)
-        bus = axi_core(config, core=core)
+        bus = axi_core(config, core=make_core(main_module(config), config))
         page, blocks, wave = folder / f"{name}.md", folder / f"{name}.svg", folder / f"{name}_update.svg"
-        page.write_text(guide_text(config, core, bus, picture=blocks.name, wave=wave.name, figures=measured.get(name),
+        page.write_text(guide_text(config, bus, picture=blocks.name, wave=wave.name, figures=measured.get(name),
                                    accuracy=accuracy_rows(differences, config)), encoding="utf-8")
-        block_diagram(core, bus.component.table, blocks)
-        write_wave(handshake_wave(core), wave)
+        block_diagram(bus, blocks)
+        write_wave(handshake_wave(bus), wave)
         yield from (page, blocks, wave)
 
 

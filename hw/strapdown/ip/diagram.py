@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from strapdown.bus import RegisterTable
-from strapdown.cores import Core
+from strapdown.cores import Top
 
 from .drawing import arrow, box, sheet, wire, write_svg
 
@@ -13,36 +12,40 @@ BUS, CORE, UNIT = "#dbe7f5", "#f4f4f4", "#e3f1dc"
 """Colours of blocks of the bus, of the core and of its operators."""
 
 
-def block_diagram(core: Core, table: RegisterTable, path: Path) -> None:
-    """Draw the blocks between the bus and the operators of a core, with their sizes. Two runs give equal bytes."""
+def block_diagram(bus: Top, path: Path) -> None:
+    """Draw the blocks between the bus and the operators of a core behind AXI, with their sizes, as SVG.
+
+    Two runs give equal bytes.
+    """
+    engine, table = bus.component.engine, bus.component.table
     figure, axes = sheet(97, 50, bottom=1)
-    program = core.engine.program
+    program = engine.program
     width = program.format.width
 
     box(axes, (36, 3), (60, 46), "", CORE)
-    axes.text(66, 47, f"{core.system.name}: {core.latency} cycles", ha="center", va="center", weight="bold")
+    axes.text(66, 47, f"{engine.name}: {engine.latency} cycles", ha="center", va="center", weight="bold")
     slave = box(axes, (14, 33), (17, 13), f"AXI4-Lite slave\n{len(table.registers)} registers\nsnapshot, flags", BUS)
-    framer = box(axes, (14, 20), (17, 8), f"sample framer\n{table.sample_words} words", BUS)
-    sender = box(axes, (14, 5), (17, 8), f"answer sender\n{table.answer_words} words", BUS)
-    inputs = box(axes, (39, 33), (15, 10), f"inputs\n{len(core.system.input_ports)} × {width} bits", CORE)
+    inputs = box(axes, (39, 33), (15, 10), f"inputs\n{len(engine.system.input_ports)} × {width} bits", CORE)
     rom = box(axes, (39, 20), (15, 10), f"microprogram\n{program.length} × {program.layout.size} bits", CORE)
     memory = box(axes, (58, 33), (15, 10), f"operand memory\n{program.depth} × {width} bits", CORE)
-    outputs = box(axes, (39, 6), (15, 10), f"outputs\n{len(core.system.output_ports)} × {width} bits", CORE)
+    outputs = box(axes, (39, 6), (15, 10), f"outputs\n{len(engine.system.output_ports)} × {width} bits", CORE)
     units = list(program.units)
     high = 36 / len(units)
     boxes = [box(axes, (77, 43 - (place + 1) * high + 0.4), (17, high - 0.8),
                  f"{unit.name}, {unit.latency} cycles", UNIT) for place, unit in enumerate(units)]
     top, bottom = boxes[0].centre[1], boxes[-1].centre[1]
 
-    for name, block, inward in ("s_axi", slave, True), ("s_axis", framer, True), ("m_axis", sender, False):
-        outside, edge = (1, block.centre[1]), (block.left, block.centre[1])
-        start, end = (outside, edge) if inward else (edge, outside)
-        arrow(axes, start, end, name, both=name == "s_axi")
+    arrow(axes, (1, slave.centre[1]), (slave.left, slave.centre[1]), "s_axi", both=True)
     arrow(axes, (slave.left, slave.centre[1] - 4), (1, slave.centre[1] - 4), "irq")
     wire(axes, (slave.right, 41), (inputs.left, 41))
-    wire(axes, (framer.right, 25), (33, 25), (33, 38), (inputs.left, 38))
-    wire(axes, (outputs.left, 10), (sender.right, 10))
     wire(axes, (outputs.left, 13), (34.5, 13), (34.5, 35), (slave.right, 35))
+    if bus.component.streams:
+        framer = box(axes, (14, 20), (17, 8), f"sample framer\n{table.sample_words} words", BUS)
+        sender = box(axes, (14, 5), (17, 8), f"answer sender\n{table.answer_words} words", BUS)
+        arrow(axes, (1, framer.centre[1]), (framer.left, framer.centre[1]), "s_axis")
+        arrow(axes, (sender.left, sender.centre[1]), (1, sender.centre[1]), "m_axis")
+        wire(axes, (framer.right, 25), (33, 25), (33, 38), (inputs.left, 38))
+        wire(axes, (outputs.left, 10), (sender.right, 10))
     wire(axes, (inputs.right, 38), (memory.left, 38))
     wire(axes, (rom.right, 25), (63, 25))
     axes.text(63.5, 25, "control", ha="left", va="center", size=9)

@@ -9,7 +9,7 @@ from itertools import groupby
 from typing import Any
 
 from strapdown.config import Config
-from strapdown.cores import Core, Top
+from strapdown.cores import Top, Wrapper, control_of
 from strapdown.kernel.program import UpdateProgram
 from strapdown.markdown import markdown_table
 
@@ -46,9 +46,10 @@ LIMITS = {
 COMMON_LIMITS = ("NaN and infinity at an input refuse the update; the status says so.",)
 
 
-def handshake_wave(core: Core) -> str:
-    """The start, the inputs, the finish and the outputs of an update as WaveJSON, for WaveDrom."""
-    system, several = core.system, core.engine.channels > 1
+def handshake_wave(bus: Top) -> str:
+    """The start, the inputs, the finish and the outputs of an update of the core as WaveJSON, for WaveDrom."""
+    engine = bus.component.engine
+    system, several = engine.system, engine.channels > 1
     lanes: list[dict[str, Any]] = [
         {"name": "clk", "wave": "p....|...."}, {"name": system.start, "wave": "010..|...."},
         {"name": "inputs", "wave": "x=x..|....", "data": ["sample"]},
@@ -56,46 +57,49 @@ def handshake_wave(core: Core) -> str:
         {"name": "outputs", "wave": "=....|=...", "data": ["previous update", "this update"]},
         {"name": system.status_port, "wave": "=....|=...", "data": ["previous update", "this update"]},
         {"node": "..a...b"}]
-    return json.dumps({"signal": lanes, "config": {"hscale": 2}, "edge": [f"a<->b {core.latency} cycles"]}, indent=1)
+    rows = ",\n  ".join(map(json.dumps, lanes))
+    return (f'{{"signal": [\n  {rows}],\n "config": {{"hscale": 2}}, "edge": ["a<->b {engine.latency} cycles"]}}')
 
 
-def guide_text(config: Config, core: Core, bus: Top, *, picture: str,
-               wave: str, figures: Mapping[str, Any] | None = None, accuracy: Sequence[Sequence[Any]] = ()) -> str:
+def guide_text(config: Config, bus: Top, *, picture: str, wave: str | None = None,
+               figures: Mapping[str, Any] | None = None, accuracy: Sequence[Sequence[Any]] = ()) -> str:
     """The product guide of the main module of a configuration.
 
     Parameters
     ----------
     config : Config
-    core : Core
-        The main module.
     bus : Top
-        The core behind AXI, from ``axi_core``.
-    picture, wave : str
-        Paths of the block diagram and of the timing diagram, as seen from the page.
+        Its main module behind AXI, from ``axi_core``.
+    picture : str
+        Path of the block diagram, as seen from the page.
+    wave : str or None
+        Path of the timing diagram; None: the page has the text for WaveDrom.
     figures : dict or None
         Measured resources: the row of the configuration in docs/report/cores.json. None: not measured.
     accuracy : sequence of rows
         Quantity, largest and RMS difference from float64, as text. Empty: not measured.
     """
-    system, program, table = core.system, core.engine.program, bus.component.table
-    name, fmt = system.name, program.format
+    engine, table = bus.component.engine, bus.component.table
+    core = Top(Wrapper(engine), control=control_of(config))
+    name, system = engine.name, engine.system
+    drawn = f"![One update]({wave})" if wave else f"```wavedrom\n{handshake_wave(bus)}\n```"
     parts = [
         f"# `{name}` in the configuration `{config.name}`",
         f"{_sentence(system.title)} {_sentence(config.description)}",
-        f"This page is generated. It describes the core itself and `{table.name}`, the core behind AXI4-Lite and "
-        "AXI4-Stream.",
-        "## What it computes", "\n".join(_equations(core)),
+        f"This page is generated. It describes the core itself and `{table.name}`, the core behind AXI4-Lite"
+        f"{' and AXI4-Stream' * bus.component.streams}.",
+        "## What it computes", "\n".join(_equations(engine)),
         "## Block diagram", f"![Blocks of {table.name}]({picture})",
         "## Ports of the core", _ports(core),
         "## Ports of the core behind AXI", _ports(bus),
         "## Registers", register_tables(table, 3).strip(),
-        "## Streams", _streams(table),
-        "## Timing", f"{_timing(core)}\n\n![One update]({wave})",
-        "## Latency and rate", _rate(config, core),
-        "## Number format and accuracy", _accuracy(fmt, accuracy),
+        *(("## Streams", _streams(table)) if bus.component.streams else ()),
+        "## Timing", f"{_timing(engine)}\n\n{drawn}",
+        "## Latency and rate", _rate(config, engine),
+        "## Number format and accuracy", _accuracy(engine.program.format, accuracy),
         "## Resources and clock frequency", _resources(figures),
-        "## Errors", _errors(core),
-        "## Limits", "\n".join(f"- {limit}" for limit in (*LIMITS[name.partition("_x")[0]], *COMMON_LIMITS)),
+        "## Errors", _errors(engine),
+        "## Limits", "\n".join(f"- {limit}" for limit in (*LIMITS.get(name.partition("_x")[0], ()), *COMMON_LIMITS)),
         "## Changes", f"Version {version('strapdown')}. CHANGELOG.md of the project lists the changes.",
     ]
     return "\n\n".join(parts) + "\n"
@@ -105,9 +109,9 @@ def _sentence(text):
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
-def _equations(core):
+def _equations(engine):
     """A line for each kernel: its name and the first sentence of its docstring."""
-    for kernel in core.component.equations:
+    for kernel in engine.equations:
         while isinstance(kernel, partial):
             kernel = kernel.func
         text = (inspect.getdoc(kernel) or "").partition("\n\n")[0]
@@ -129,16 +133,17 @@ def _streams(table):
             f"An answer is {table.answer_words} words of 32 bits: {answers}, and the status.")
 
 
-def _timing(core):
-    system = core.system
-    ready = "taken" if core.engine.channels > 1 else "idle"
+def _timing(engine):
+    system = engine.system
+    ready = "ready" if engine.channels > 1 else "idle"
     return (f"`{system.start}` is sampled at the rising edge of the clock while the core is {ready}, together with all "
-            f"inputs. `{system.finish}` rises {core.latency} cycles later, in every update, with the outputs.")
+            f"inputs. `{system.finish}` rises {engine.latency} cycles later, in every update, with the outputs.")
 
 
-def _rate(config, core):
-    program = core.engine.program
-    rows = [["cycles from start to finish", core.latency], ["cycles from one start to the next", core.interval],
+def _rate(config, engine):
+    program = engine.program
+    rows = [["cycles from start to finish", engine.latency],
+            ["cycles from one start to the next", getattr(engine, "interval", engine.latency)],
             ["words of the microprogram", program.length],
             ["operations of an update", sum(program.schedule.graph.count().values())],
             ["updates per second that the configuration is made for", f"{config.sample_rate_hz:g}"]]
@@ -167,7 +172,7 @@ def _resources(figures):
     return markdown_table(["figure of the core without AXI", "value:"], rows)
 
 
-def _errors(core):
+def _errors(engine):
     bits = [[bit, f"`{name}`", STATUS.get(name, name.replace("_", " "))]
-            for bit, name in enumerate(core.engine.status_names)]
-    return f"Bits of `{core.system.status_port}`:\n\n" + markdown_table(["bit:", "name", "meaning"], bits)
+            for bit, name in enumerate(engine.status_names)]
+    return f"Bits of `{engine.system.status_port}`:\n\n" + markdown_table(["bit:", "name", "meaning"], bits)

@@ -12,6 +12,8 @@ from strapdown.files import written_together
 from . import c_header, device_tree, page, peakrdl, python_map, rdl
 from .bench import bench
 from .component import component
+from .diagram import block_diagram
+from .guide import guide_text
 from .places import Places
 from .scripts import ADDRESS, driver_description, scripts
 
@@ -65,6 +67,7 @@ def write_package(top: Top, config: Config, directory: Path, *, command: str) ->
     drivers = {f"{places.sources}/{file}": text for file, text in sources.items()} | driver_description(places, sources)
     texts = {
         places.component: component(top, places, drivers),
+        places.guide: guide_text(config, top, picture=Path(places.blocks).name),
         **{f"registers/{file}": text for file, text in register_files(table).items()},
         **{f"linux/{file}": text for file, text in linux_files(table).items()},
         **({places.peakrdl: peakrdl.text(rdl.text(table), places.vlnv)} if peakrdl.installed() else {}),
@@ -75,4 +78,5 @@ def write_package(top: Top, config: Config, directory: Path, *, command: str) ->
             path = partial / file
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
+        block_diagram(top, partial / places.blocks)
     return directory

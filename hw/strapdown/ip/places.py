@@ -80,6 +80,16 @@ class Places:
         return f"constraints/{self.name}_ooc.xdc"
 
     @property
+    def guide(self):
+        """The product guide."""
+        return f"doc/{self.name}.md"
+
+    @property
+    def blocks(self):
+        """Its block diagram."""
+        return f"doc/{self.name}.svg"
+
+    @property
     def page(self):
         """Documentation of the registers."""
         return f"registers/{self.name}.md"
