@@ -1,5 +1,7 @@
 """The self-checking bench of a package, in simulators, from the folder of the package alone."""
 
+import subprocess
+
 import pytest
 
 from strapdown.ip.vectors import STREAM, UPDATES, Op
@@ -9,13 +11,14 @@ PASS = f"PASS: {UPDATES} updates equal the software twin in every bit"
 
 
 def in_icarus(package):
-    """What the bench prints in Icarus Verilog."""
+    """Exit status and lines of the bench in Icarus Verilog."""
     if missing := icarus_missing():
         pytest.skip(missing)
     places = package.places
     run_tool(["iverilog", "-g2001", "-Wall", "-Wno-timescale", "-o", "tb", places.verilog, places.bench],
              directory=package.folder)
-    return run_tool(["vvp", "-n", "tb"], directory=package.folder).splitlines()
+    done = subprocess.run(["vvp", "-N", "tb"], cwd=package.folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout.splitlines()
 
 
 @pytest.mark.icarus
@@ -24,39 +27,45 @@ def in_icarus(package):
     pytest.param("quaternion_j3", {"streams": False, "error_response": "okay"}, marks=pytest.mark.ip),
     *(pytest.param(name, {}, marks=pytest.mark.ip) for name in ("thesis", "thesis_x8", "flight", "sins"))])
 def test_bench_passes_in_icarus(packages, name, options):
-    assert in_icarus(packages(name, **options)) == [PASS]
+    assert in_icarus(packages(name, **options)) == (0, [PASS])
 
 
 @pytest.mark.verilator
-def test_bench_passes_in_verilator(package):
+def test_bench_in_verilator(package, tmp_path):
+    """It passes, and it fails with other vectors."""
     places = package.places
     run_tool([verilator_root() / "bin" / "verilator", "--binary", "--timing", "--quiet", "-Wno-fatal",
               "--output-split", "0", "-CFLAGS", "-fcoroutines -O0", "--Mdir", "verilated",
               "--top-module", f"{places.name}_tb", places.lint, places.verilog, places.bench],
              directory=package.folder, environment=verilator_environment())
-    printed = run_tool([f"verilated/V{places.name}_tb"], directory=package.folder)
-    assert printed.splitlines()[0] == PASS
+    program = package.folder / "verilated" / f"V{places.name}_tb"
+    assert run_tool([program], directory=package.folder).splitlines()[0] == PASS
+    _, lines = flipped(package)
+    (tmp_path / "other.hex").write_text(lines, encoding="utf-8")
+    done = subprocess.run([program, "+vectors=other.hex"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert done.stdout.startswith("FAIL: update 7, ")
 
 
-def expected_output(package):
-    """Line and digits of the step that reads the first output of the seventh update."""
+def flipped(package):
+    """The expected bits of the first output of the seventh update, and the vectors with one of these bits flipped."""
     address = package.top.component.table.outputs[0].registers[0].address
     lines = (package.folder / package.places.vectors).read_text(encoding="utf-8").splitlines()
-    reads = [index for index, line in enumerate(lines) if line.startswith(f"{Op.READ:02x}{address:04x}")]
-    return reads[6], lines
+    index = [index for index, line in enumerate(lines) if line.startswith(f"{Op.READ:02x}{address:04x}")][6]
+    right = int(lines[index][6:14], 16)
+    lines[index] = f"{lines[index][:6]}{right ^ 0x100:08x}{lines[index][14:]}"
+    return right, "\n".join(lines) + "\n"
 
 
 @pytest.mark.icarus
 def test_a_flipped_bit_of_an_output_is_the_first_difference(package, tmp_path):
     changed = package.copy(tmp_path)
-    index, lines = expected_output(package)
-    right = int(lines[index][6:14], 16)
-    lines[index] = f"{lines[index][:6]}{right ^ 0x100:08x}{lines[index][14:]}"
-    (changed.folder / package.places.vectors).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    right, lines = flipped(package)
+    (changed.folder / package.places.vectors).write_text(lines, encoding="utf-8")
     register = package.top.component.table.outputs[0].registers[0]
-    assert in_icarus(changed) == [
+    assert in_icarus(changed) == (1, [
         f"FAIL: update 7, {register.name} (address {register.address:04x}): {right:08x} instead of "
-        f"{right ^ 0x100:08x}, answer 0"]
+        f"{right ^ 0x100:08x}, answer 0"])
 
 
 FAULTS = {
@@ -78,7 +87,8 @@ def test_faults_at_the_ports_are_found(package, port, tmp_path):
     bench = changed.places.bench
     changed.change(bench, f"  wire {bits}{port};", f"  wire {bits}right;\n  wire {bits}{port} = right {fault};")
     changed.change(bench, f".{port}({port})", f".{port}(right)")
-    (printed,) = in_icarus(changed)
+    status, (printed,) = in_icarus(changed)
+    assert status == 1
     assert printed.startswith(message)
 
 
@@ -86,5 +96,6 @@ def test_faults_at_the_ports_are_found(package, port, tmp_path):
 def test_bench_without_vectors_fails(package, tmp_path):
     changed = package.copy(tmp_path)
     (changed.folder / package.places.vectors).unlink()
-    assert not any(line.startswith("PASS") for line in in_icarus(changed))
-    assert any(line.startswith("FAIL") for line in in_icarus(changed))
+    status, printed = in_icarus(changed)
+    assert status == 1
+    assert printed[-1].startswith("FAIL: ")

@@ -1,9 +1,10 @@
 // Self-checking bench of {{ name }}, configuration {{ configuration }}: plain Verilog-2001. In the folder of the package:
 //
-//   iverilog -g2001 -o tb {{ places.verilog }} {{ places.bench }} && vvp -n tb
+//   iverilog -g2001 -o tb {{ places.verilog }} {{ places.bench }} && vvp -N tb
 //
 // It carries out the steps of {{ places.vectors }}, which were computed by the software twin, and prints PASS, or the
-// first difference with its update and register. +vectors=FILE names another file of steps.
+// first difference with its update and register, after which it stops by $stop: vvp -N then has the exit status 1.
+// +vectors=FILE names another file of steps.
 module {{ name }}_tb;
   localparam STEPS = {{ count }};
   // Cycles after which an answer of the bus is missing.
@@ -227,8 +228,14 @@ module {{ name }}_tb;
       step = step + 1;
       {operation, address, data, mask} = steps[step];
     end
-    if (!failed && update != {{ updates }}) $display("FAIL: %0s has no steps", vectors);
-    else if (!failed) $display("PASS: %0d updates equal the software twin in every bit", update);
-    $finish;
+    if (!failed && update != {{ updates }}) begin
+      $display("FAIL: %0s has no steps", vectors);
+      failed = 1'b1;
+    end
+    if (failed) $stop;
+    else begin
+      $display("PASS: %0d updates equal the software twin in every bit", update);
+      $finish;
+    end
   end
 endmodule
