@@ -28,6 +28,7 @@ from .errors import (
     rotation_angle,
     spread,
 )
+from .navigation import exact_attitude, navigation_inputs, start_of, track_errors, track_picture
 from .page import Curve, Panel, require_plotly, write_page
 from .picture import attitude_picture, outputs_picture
 from .recordings import Recording
@@ -214,7 +215,7 @@ def port_inputs(recording: Recording, config: Config) -> dict[str, np.ndarray]:
                           "replay it with channels=1")
     system = system_of(module, config)
     vectors = ({"a": recording.accel, "m": _mag(recording), "g": recording.gyro_deg_s} | config.constant_inputs()
-               | _timed(recording, system))
+               | navigation_inputs(recording, system.inputs, module) | _timed(recording, system))
     if unknown := [name for name in system.inputs if name not in vectors]:
         raise ConfigError(f"{module} has an input {unknown[0]!r}, and a recording has only a, m and g: give it a value "
                           f"in constant_inputs of {type(config).__name__}")
@@ -256,13 +257,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         to_frame = FRAME_QUATERNIONS[config.frame]
         match = match_reference(recording, multiply(conjugate(to_frame), quaternion))
         errors = attitude_errors(match.q_est, match.q_ref)
-        summary["against_recorded_reference_deg"] = {
-            "reference": recording.reference.meaning,
-            "samples": len(match.sample),
-            "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
-            **{f"{name}_rms": spread(getattr(errors, name))["rms"] for name in errors._fields},
-            "total_median": float(np.median(errors.total)) if len(match.sample) else None,
-            **_with_constant(match)}
+        summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
         panels = [Panel("difference (°)", [
@@ -297,6 +292,14 @@ def write_attitude(path: Path, recording: Recording, outputs: dict) -> None:
     _write_csv(path, recording.time_s, columns)
 
 
+def _against_reference(recording, match, errors):
+    """Errors against the recording's reference, for ``summary.json``."""
+    return {"reference": recording.reference.meaning, "samples": len(match.sample),
+            "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
+            **{f"{name}_rms": spread(getattr(errors, name))["rms"] for name in errors._fields},
+            "total_median": float(np.median(errors.total)) if len(match.sample) else None, **_with_constant(match)}
+
+
 def _with_constant(match):
     """Errors against the reference with the heading that it gives, and the constant heading between the two, degrees.
 
@@ -326,7 +329,26 @@ def _outputs(recording, system, result, truth, directory, title, summary):
     panels = [Panel(port.removeprefix("out_"), [
         Curve("kernel in float64", truth[port], turns=turns[port], colour="#8fc1ea", width=4),
         Curve("hardware", result[port], turns=turns[port], colour="#10243e")]) for port in system.output_ports]
-    return Replay(system.read(result), summary, panels=tuple(panels))
+    outputs = system.read(result)
+    _navigated(recording, outputs, directory, title, summary)
+    return Replay(outputs, summary, panels=tuple(panels))
+
+
+def _navigated(recording, outputs, directory, title, summary):
+    """Add to the summary what a propagated attitude, or a track, says about the recording; draw the track."""
+    if "e" in outputs:
+        quaternion = outputs["e"].astype(float)
+        summary["start"] = start_of(recording).source
+        summary["against_exact_rotations_deg"] = spread(rotation_angle(quaternion, exact_attitude(recording)))
+        if recording.reference is not None:
+            match = match_reference(recording, quaternion)
+            errors = attitude_errors(match.q_est, match.q_ref)
+            summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
+    if "position" in outputs:
+        (latitude, longitude), height = outputs["position"].astype(float).T, outputs["height"].astype(float)
+        summary["start"] = start_of(recording).source
+        summary["against_recorded_position_m"] = track_errors(recording, latitude, longitude, height)
+        track_picture(directory / "track.png", title=title, recording=recording, latitude=latitude, longitude=longitude)
 
 
 def _at(places, values, count):

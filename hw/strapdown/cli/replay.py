@@ -120,6 +120,13 @@ def _print_summary(summary, output):
             ("RMS", "total_rms"), ("inclination", "inclination_rms"), ("heading", "heading_rms")))
         rows.append((f"rotation angle to {recorded['reference']}",
                      f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample"))
+    if exact := summary.get("against_exact_rotations_deg"):
+        rows.append(("largest rotation angle to exact rotations", _figure(exact["max"], ".6f", "°")))
+    if track := summary.get("against_recorded_position_m"):
+        rows += [(f"largest {name} distance from the recorded position", _figure(track[name]["max"], ".2f", " m"))
+                 for name in ("horizontal", "vertical")]
+    if start := summary.get("start"):
+        rows.append(("start", start))
     rows.append(("written to", str(output)))
     show_table(rows)
 

@@ -21,7 +21,7 @@ from .log import Log, Stream
 from .merge import recording_of
 from .npz import read_npz
 from .plain_csv import read_csv
-from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing
+from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing, Track
 from .sensor_files import is_sensor_files, read_sensor_files
 from .table import looks_like_table
 from .ulog import MAGIC as ULOG_MAGIC
@@ -29,7 +29,7 @@ from .ulog import read_ulog
 from .x_imu import X_IMU_RATE_HZ
 
 __all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Format", "Log", "Recording", "RecordingError", "Reference",
-           "Stream", "Timing", "read_log", "read_recording", "recording_of"]
+           "Stream", "Timing", "Track", "read_log", "read_recording", "recording_of"]
 
 HEAD_BYTES = 4096
 """Bytes of a file that are read to recognise its format."""

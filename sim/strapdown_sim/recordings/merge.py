@@ -13,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .clock import Clock, gaps, mended
-from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
+from .log import ACCEL, ATTITUDE, GYRO, MAG, POSITION, VELOCITY, Log, Stream
 from .recording import (
     STANDARD_GRAVITY,
     Recording,
     RecordingError,
     Reference,
     Timing,
+    Track,
     check_gravity,
     mean_rate,
     unit_quaternions,
@@ -79,7 +80,8 @@ def recording_of(log: Log, *, imu: str | None = None, mag: str | None = None, st
     recording = Recording(
         name=log.name, sample_rate_hz=log.rate_hz or mean_rate(time_s), time_s=time_s,
         gyro_deg_s=_on_line(time_s, clock.time_s, rates, own), **_force(gyro, accel, clock, time_s, own),
-        **_field(gyro, field, clock, time_s, own), reference=_reference(log, clock, time_s))
+        **_field(gyro, field, clock, time_s, own), reference=_reference(log, time_s),
+        position=_track(log, POSITION), velocity=_track(log, VELOCITY))
     notes = list(log.notes)
     if (new := recording.mag_new) is not None and recording.mag is not None and not recording.mag[~new].any():
         rate = new.sum() / (time_s[-1] - time_s[0] + 1 / recording.sample_rate_hz)
@@ -298,7 +300,17 @@ def _field(gyro, field, clock, time_s, own):
     return {"mag": mag, "mag_unit": field.unit, "mag_new": new}
 
 
-def _reference(log, clock, time_s):
+def _track(log, kind):
+    """The first stream of a kind as a Track."""
+    stream = next(iter(log.of(kind)), None)
+    if stream is None:
+        return None
+    clock = mended(stream.time_s)
+    good = np.isfinite(stream.values[clock.rows]).all(axis=1)
+    return Track(clock.time_s[good], stream.values[clock.rows][good]) if good.any() else None
+
+
+def _reference(log, time_s):
     """The first attitude of the log, on the recording's time axis."""
     attitude = next(iter(log.of(ATTITUDE)), None)
     if attitude is None:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["STANDARD_GRAVITY", "Recording", "RecordingError", "Reference", "Timing", "check_gravity", "mean_rate",
-           "unit_quaternions"]
+__all__ = ["STANDARD_GRAVITY", "Recording", "RecordingError", "Reference", "Timing", "Track", "check_gravity",
+           "mean_rate", "unit_quaternions"]
 
 STANDARD_GRAVITY = 9.80665
 """One g in m/s^2 (ISO 80000-3)."""
@@ -40,6 +40,21 @@ class Reference:
     frame: str
     heading_known: bool
     meaning: str = "recorded reference"
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Position (latitude, longitude in degrees, height in m) or velocity (east, north, up, m/s) of a recording.
+
+    Fields
+    ------
+    time_s : ndarray, shape (M,)
+        Time on the recording's clock, increasing.
+    values : ndarray, shape (M, 3)
+    """
+
+    time_s: np.ndarray
+    values: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -98,6 +113,7 @@ class Recording:
         Faults of the time stamps; None if the file has none.
     notes : tuple of str
         What the user should know about the file, each in one line.
+    position, velocity : Track or None
     """
 
     name: str
@@ -113,6 +129,8 @@ class Recording:
     mag_new: np.ndarray | None = None
     timing: Timing | None = None
     notes: tuple[str, ...] = ()
+    position: Track | None = None
+    velocity: Track | None = None
 
 
 def mean_rate(time_s):
