@@ -504,6 +504,27 @@ def test_sensor_logger(tmp_path, total):
     assert len(added) == (not total)
 
 
+def test_one_file_of_a_phone_is_refused_with_its_folder(tmp_path):
+    folder = logger(tmp_path / "phone", total=True)
+    for name, sensor in ("Gyroscope", "gyroscope"), ("TotalAcceleration", "accelerometer"):
+        with pytest.raises(RecordingError) as error:
+            read_recording(folder / f"{name}.csv")
+        assert str(error.value) == (f"{folder / name}.csv: only the {sensor} is in this file; replay the folder with "
+                                    "the "
+                                    f"files of all sensors: {folder}")
+
+
+def test_phone_without_gravity_is_refused(tmp_path):
+    folder = logger(tmp_path / "phone", total=False)
+    (folder / "Gravity.csv").unlink()
+    (folder / "Accelerometer.csv").write_text((folder / "Accelerometer.csv").read_text(encoding="utf-8").replace(
+        f"{FORCE[2] - 9.0:.17g}", "0.1"), encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"gravity was removed from it \(linear acceleration\); use the "
+                                              "accelerometer "
+                                             r"with gravity \(TotalAcceleration\.csv of Sensor Logger"):
+        read_recording(folder)
+
+
 def test_phone_without_gyro_is_refused(tmp_path):
     folder = phone(tmp_path / "phone", ("rad/s", "m/s^2"))
     (folder / "Gyroscope.csv").unlink()

@@ -79,19 +79,20 @@ def test_navigator_starts_where_the_log_is():
 
 def test_axes_of_a_navigator():
     place = ("position", [[48.0, 11.0, 500.0]] * 3)
-    recording = recorded(place, ("attitude", [[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]] * 3), rates=(1, 2, 3), force=(1, 2, 9.7))
+    attitude = ("attitude", [[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]] * 3)
+    recording = recorded(place, attitude, rates=(1, 2, 3), force=(1, 2, 9.7))
     values = navigation_inputs(recording, SINS.systems()["SINS_top"](SINS).inputs, "SINS_top")
     # Right is minus left.
     assert np.degrees(values["omega"][0]) == pytest.approx([-2, 1, 3])
     assert values["f"][0] == pytest.approx([-2, 1, 9.7])
     # Forward to the west in NWU: of right, forward, up in east, north, up, forward is minus east.
-    assert matrix_from_quaternion(values["start_q"]).T @ [0, 1, 0] == pytest.approx([-1, 0, 0], abs=1e-9)
+    assert pytest.approx([-1, 0, 0], abs=1e-9) == matrix_from_quaternion(values["start_q"]).T @ [0, 1, 0]
 
 
 def test_a_navigator_without_position_is_refused():
     recording = recorded()
-    with pytest.raises(ConfigError, match=r"^SINS_top starts from a latitude, and the log has no position: replay a log "
-                                          r"with GNSS$"):
+    with pytest.raises(ConfigError, match=r"^SINS_top starts from a latitude, and the log has no position: replay a "
+                                          r"log with GNSS$"):
         port_inputs(recording, for_recording(SINS, recording))
 
 

@@ -98,8 +98,8 @@ def replaced(line, column, value):
     (header(), [[*row[:6], "9.8", *row[7:]] for row in rows()], "the median specific force is 9.8 g; is the unit of "
                                                                 "the accelerometer g?"),
     (header(), [[*row[:6], "0.02", *row[7:]] for row in rows()],
-     "the median specific force is 0.02 g: gravity was removed from it (linear acceleration); record the accelerometer "
-     "with gravity"),
+     "the median specific force is 0.02 g: gravity was removed from it (linear acceleration); use the accelerometer "
+     "with gravity (TotalAcceleration.csv of Sensor Logger, Accelerometer.csv of phyphox)"),
     (header(), [[*row[:6], "0", *row[7:]] for row in rows()], "the accelerometer has no samples"),
     (header("Packet number"), [[k * 9, *row[1:]] for k, row in enumerate(rows())],
      "line 3: packet number goes from 0 to 9: rows out of order or missing; sort them or cut the file there"),
@@ -442,6 +442,11 @@ def test_columns_are_named_by_hand(file):
         read_recording(file, columns={"gyro_x": "p9"})
     with pytest.raises(RecordingError, match=r"--columns: 'gyro_q' is no quantity; they are time, gyro_x"):
         read_recording(file, columns={"gyro_q": "p1"})
+
+
+def test_time_in_another_unit_is_named_by_hand(file):
+    path = write(file, header(), [[k * 10, *row[1:]] for k, row in enumerate(rows())])
+    assert read_recording(path, columns={"time": "Time (s):ms"}).sample_rate_hz == pytest.approx(100)
 
 
 def test_rows_without_time_take_a_rate(file):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .columns import COUNTER, TIME, columns_of, scaled, seconds, streams_of
+from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of
 from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
 from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
@@ -50,6 +50,10 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
                              "sensor "
                              f"beside it{_inertial_hint(table.path)}: it finds this one")
     missing = [kind for kind in (GYRO, ACCEL) if kind not in found.of]
+    alone = next((NAMES[kind].lower() for kind in (GYRO, ACCEL, ATTITUDE) if kind in found.of), None)
+    if missing and alone and kind_of_name(table.path):
+        raise RecordingError(f"{table.path}: only the {alone} is in this file; replay the folder with the files of all "
+                             f"sensors: {table.path.parent}")
     if missing:
         name = {GYRO: "Gyroscope X", ACCEL: "Accelerometer X"}[missing[0]]
         raise RecordingError(f"{table.path}: no column {name!r}; the columns are {', '.join(table.header)}: name it "

@@ -151,8 +151,8 @@ def check_gravity(path, recording):
         return
     if median < 1 and not 0.9 < median * STANDARD_GRAVITY < 1.1 and not 0.9 < median * 1000 < 1.1:
         raise RecordingError(f"{path}: the median specific force is {median:.3g} g: gravity was removed from it "
-                             "(linear "
-                             "acceleration); record the accelerometer with gravity")
+                             "(linear acceleration); use the accelerometer with gravity (TotalAcceleration.csv of "
+                             "Sensor Logger, Accelerometer.csv of phyphox)")
     raise RecordingError(f"{path}: the median specific force is {median:.3g} g; "
                          f"is the unit of the accelerometer {recording.accel_unit}?")
 
