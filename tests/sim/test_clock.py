@@ -102,3 +102,8 @@ def test_a_late_stamp_is_no_gap():
 @pytest.mark.parametrize("steps", [[0.01] * 5 + [0.005] * 4, [0.005] * 30 + [0.01] * 30, [0.01], [0.01, 0.01]])
 def test_another_rate_is_no_gap(steps):
     assert gaps(np.cumsum([0, *steps])).lost == []
+
+
+def test_jitter_loses_nothing():
+    stamps = np.arange(2000) / 200 + np.random.default_rng(0).uniform(-0.0012, 0.0012, 2000)
+    assert gaps(stamps).lost == []

@@ -323,7 +323,7 @@ def test_a_force_that_rows_repeat_is_interpolated(file):
 def test_columns_that_are_not_known_are_left_out(file):
     recording = read_recording(table(file, [[*still(f"{k / 100}"), "1000", "red"] for k in range(4)],
                                      [*header()[:7], "Barometer (hPa)", "Colour"]))
-    assert recording.notes == ("columns not used: Colour",)
+    assert recording.notes == ("columns not used: Colour, Barometer (hPa)",)
 
 
 @pytest.mark.parametrize(("time", "cells"), [

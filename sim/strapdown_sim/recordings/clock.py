@@ -23,8 +23,11 @@ SET_S = 1e6
 NEIGHBOURS = 8
 """Steps on each side of a step with which it is compared."""
 
-LONG, SHORT = 1.5, 0.75
-"""A step is long, or short, if it is more, or less, than this in usual steps."""
+LONG = 1.5
+"""A step is long if it is more than this in usual steps."""
+
+AROUND = 1, 2
+"""Steps on each side of a long one, added to it: nothing is missing if a sum is less than half a step too long."""
 
 
 class Clock(NamedTuple):
@@ -151,13 +154,17 @@ def gaps(time_s: np.ndarray) -> Gaps:
     Notes
     -----
     A step is compared with the medians of the eight steps before and after it, of which the longer one counts: a rate
-    that changes is no gap. A long step beside a short one is a late stamp, and no sample is missing.
+    that changes is no gap. A long step with short ones around it is a late stamp, and no sample is
+    missing.
     """
     step = np.diff(time_s)
     usual = _usual(step)
     long = step > LONG * usual
-    beside = np.minimum(np.append(step[1:], np.inf), np.insert(step[:-1], 0, np.inf))
-    late = long & (beside < SHORT * usual) & (step + beside < 2.5 * usual)
+    late = np.zeros(len(step), bool)
+    for count in AROUND:
+        padded = np.concatenate([usual[:1].repeat(count), step, usual[-1:].repeat(count)])
+        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * count + 1).sum(axis=1)
+        late |= long & (around < (2 * count + 1.5) * usual)
     lost = []
     for index in np.flatnonzero(long & ~late):
         number = max(round(float(step[index] / usual[index])) - 1, 0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of
-from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
+from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream
 from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
 from .x_imu import x_imu_log
@@ -79,7 +79,7 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         raise RecordingError(f"{table.path}: no column 'Time'; add it, name it with --columns time=NAME:UNIT, or give "
                              "the "
                              "rate of the rows with --rate HZ")
-    notes = list(ignored_note(found))
+    notes = list(ignored_note(table, found))
     if _is_blackbox(table):
         table, units, guessed = _blackbox(table, found)
         notes += guessed
@@ -173,9 +173,10 @@ def _beside(table, found):
                              meaning="the device's own estimate, not truth")
 
 
-def ignored_note(found):
+def ignored_note(table, found):
     """The note on columns that are not used."""
-    names = found.ignored
+    # A barometer is shown, but no core takes it.
+    names = [*found.ignored, *(table.header[column.number] for column in found.of.get(PRESSURE, ()))]
     if not names:
         return ()
     shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
