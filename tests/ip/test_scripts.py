@@ -48,6 +48,12 @@ def test_example_leaves_its_results_in_a_folder(copied, tmp_path):
         "utilization_by_cell.rpt"}
 
 
+def test_example_warns_of_a_clock_that_is_too_fast(copied, tmp_path):
+    assert run(copied, "example.tcl", "pynq-z2", "150", folder=tmp_path, slack=-0.5)[:2] == (
+        0, "example.tcl: the design is too slow for 150 MHz: give a lower clock as the second argument")
+    assert (copied.folder / "build" / "pynq-z2" / "QUAT_direct_axi.xsa").exists()
+
+
 def test_scripts_of_a_core_without_streams(packages, tmp_path):
     copied = packages("quaternion_j3", streams=False).copy(tmp_path)
     for script in ("package_ip.tcl",), ("example.tcl", "pynq-z2"):

@@ -129,7 +129,7 @@ report_utilization -hierarchical -file [file join $folder utilization_by_cell.rp
 report_utilization -file [file join $folder utilization.rpt]
 report_timing_summary -file [file join $folder timing.rpt]
 if {[get_property SLACK [get_timing_paths -setup]] < 0} {
-    puts "example.tcl: the design is too slow for $mhz MHz: give a lower clock as the second argument"
+    puts stderr "example.tcl: the design is too slow for $mhz MHz: give a lower clock as the second argument"
 }
 
 file copy -force [file join [get_property DIRECTORY [get_runs impl_1]] system_wrapper.bit] [file join $folder $name.bit]
