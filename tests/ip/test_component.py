@@ -33,6 +33,11 @@ def test_component_has_the_interfaces_of_the_core(packages):
     assert names(streams=False) == ["s_axi", "aclk", "aresetn", "irq"]
 
 
+def test_component_leaves_frequency_and_checksums_to_vivado(package):
+    text = (package.folder / "component.xml").read_text(encoding="utf-8")
+    assert not [word for word in ("FREQ_HZ", "checksum", "CHECKSUM") if word in text]
+
+
 def test_component_is_read_by_ipyxact(package):
     read, table = read_by_ipyxact(package.folder / "component.xml"), package.top.component.table
     assert (read.vendor, read.library, read.name, read.version) == ("strapdown", "navigation", table.name, "1.0")
