@@ -17,11 +17,11 @@ from strapdown_sim.recordings import RecordingError
 
 from .report.compare import CommitError, comparison_table, earlier_circuits, present_circuits
 from .report.compare import compare as compare_circuits
-from .report.cores import CORES
+from .report.cores import BUSES, CORES
 from .report.families import VARIANTS, measure_families
-from .report.measure import core_design, measure, operator_design, provenance
+from .report.measure import bus_design, core_design, measure, operator_design, provenance
 from .report.operators import MEASURED
-from .report.report import write_cores, write_families, write_json, write_operators, write_page
+from .report.report import write_buses, write_cores, write_families, write_json, write_operators, write_page
 from .report.vivado import VivadoReportError, read_timing, read_utilization
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
@@ -31,8 +31,9 @@ __all__ = ["accuracy", "compare", "families", "report"]
 
 
 @click.command()
-@click.option("--operators", is_flag=True, help="Report operators; cores only with --cores.")
-@click.option("--cores", is_flag=True, help="Report cores; operators only with --operators.")
+@click.option("--operators", is_flag=True, help="Report operators, and nothing else without its option.")
+@click.option("--cores", is_flag=True, help="Report cores, and nothing else without its option.")
+@click.option("--buses", is_flag=True, help="Report cores behind a bus, and nothing else without its option.")
 @click.option("--only", metavar="OPERATOR", multiple=True,
               help="Report only the operators of this name, as in --only add. May be repeated.")
 @click.option("--config", "config_names", type=click.Choice(list(CONFIGS)), multiple=True,
@@ -47,8 +48,8 @@ __all__ = ["accuracy", "compare", "families", "report"]
               metavar="UTILIZATION TIMING",
               help="Measure nothing, but print what Vivado's reports of a design say: the files of report_utilization "
                    "and report_timing_summary.")
-def report(operators, cores, only, config_names, place, output, build, vivado):
-    """Synthesise operators and cores, place and route them, and compare them with public ones.
+def report(operators, cores, buses, only, config_names, place, output, build, vivado):
+    """Synthesise operators, cores, and cores behind a bus, place and route them, and compare them with public ones.
 
     Results are kept: an interrupted run continues where it stopped.
     """
@@ -58,14 +59,14 @@ def report(operators, cores, only, config_names, place, output, build, vivado):
     names = list(dict.fromkeys(entry.operator for entry in MEASURED))
     if unknown := [name for name in only if name not in names]:
         raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
-    operators, cores = bool(operators or only), bool(cores or config_names)
-    everything = operators == cores
-    chosen: dict[str, list] = {
-        "cores": [entry for entry in CORES if not config_names or entry.config.name in config_names]
-        if cores or everything else [],
-        "operators": [entry for entry in MEASURED if not only or entry.operator in only]
-        if operators or everything else []}
-    designs: dict[str, Callable] = {"cores": partial(core_design, build=build), "operators": operator_design}
+    wanted = {"cores": cores or (config_names and not buses), "buses": buses, "operators": operators or only}
+    entries_of: dict[str, list] = {
+        "cores": [entry for entry in CORES if not config_names or entry.config.name in config_names],
+        "buses": [entry for entry in BUSES if not config_names or entry.config.name in config_names],
+        "operators": [entry for entry in MEASURED if not only or entry.operator in only]}
+    chosen = {kind: entries for kind, entries in entries_of.items() if wanted[kind] or not any(wanted.values())}
+    designs: dict[str, Callable] = {"cores": partial(core_design, build=build), "buses": bus_design,
+                                    "operators": operator_design}
     cache = Cache(build / "report" / "cache")
     reports = {}
     try:
@@ -82,6 +83,8 @@ def report(operators, cores, only, config_names, place, output, build, vivado):
     with writing(output), written_together(output) as folder:
         if "cores" in reports:
             write_cores(folder, reports["cores"])
+        if "buses" in reports:
+            write_buses(folder, reports["buses"])
         if "operators" in reports:
             write_operators(folder, reports["operators"])
         path = write_page(folder, **reports)

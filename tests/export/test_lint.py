@@ -7,7 +7,7 @@ import pytest
 from pyslang.ast import Compilation
 from pyslang.syntax import SyntaxTree
 
-from strapdown.cores import ATTITUDE_CORES, CONFIGS, SINS, THESIS, main_module, uart_core
+from strapdown.cores import ATTITUDE_CORES, CONFIGS, SINS, THESIS, THESIS_X8, axi_core, main_module, uart_core
 from strapdown.cores.operators import VENDOR_OPERATORS, VendorOperator
 from strapdown.export import write, write_core
 from strapdown.export.lint import WAIVED, waivers
@@ -17,17 +17,22 @@ from strapdown_sim.drivers.toolchain import icarus_missing, run_tool, verilator_
 CORES = {name: (name, THESIS) for name in ATTITUDE_CORES} | {
     config.name: (main_module(config), config) for config in CONFIGS.values() if config not in (THESIS, SINS)}
 LINKED = "SINS_uart"
+BUSES = {"INS_top_axi": (THESIS, True), "INS_top_axi without streams": (THESIS, False),
+         "INS_top_x8_axi": (THESIS_X8, True)}
 
 
-@pytest.fixture(scope="module", params=[*CORES, LINKED, *VENDOR_OPERATORS])
+@pytest.fixture(scope="module", params=[*CORES, LINKED, *BUSES, *VENDOR_OPERATORS])
 def verilog(request, make_module, tmp_path_factory):
-    """A generated Verilog file: a core, the core with the serial link, or an operator."""
+    """A generated Verilog file: a core, the core with the serial link, a core behind a bus, or an operator."""
     folder, name = tmp_path_factory.mktemp("lint"), request.param
     if name in CORES:
         module, config = CORES[name]
         return write_core(make_module(module, config), config, folder, "strapdown generate")
     if name == LINKED:
         return write(uart_core(SINS, clock_hz=1e8, baud_rate=921_600), folder, command="", config=SINS)
+    if name in BUSES:
+        config, streams = BUSES[name]
+        return write(axi_core(config, streams=streams), folder, command="", config=config)
     return write(VendorOperator(name), folder, command="")
 
 

@@ -1,4 +1,4 @@
-"""The cores of the report, and a simulation that counts their cycles."""
+"""The cores of the report, alone and behind a bus, and a simulation that counts their cycles."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.cores import CONFIGS, Top, main_module, make_module
+from strapdown.cores import CONFIGS, Top, axi_core, main_module, make_module
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
 
-__all__ = ["CORES", "CoreEntry", "simulated_cycles"]
+__all__ = ["BUSES", "BusEntry", "CORES", "CoreEntry", "simulated_cycles"]
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,20 @@ UNPLACED = {"sins", "sins_damped"}
 
 CORES = tuple(CoreEntry(main_module(config), config, partial(make_module, main_module(config), config),
                         placed=config.name not in UNPLACED) for config in CONFIGS.values())
+
+
+@dataclass(frozen=True)
+class BusEntry(CoreEntry):
+    """A core behind a bus in one configuration."""
+
+    streams: bool = True
+
+
+# One core is routed: the bus is the same for all.
+BUSES = tuple(BusEntry(f"{main_module(config)}_axi", config, partial(axi_core, config, streams=streams),
+                       placed=config.name == "thesis", streams=streams)
+              for config, streams in ((CONFIGS["thesis"], False), *((CONFIGS[name], True) for name in (
+                  "thesis", "thesis_x8", "flight", "quaternion_j2", "sins"))))
 
 
 def simulated_cycles(core, verilog, build):

@@ -22,10 +22,10 @@ from strapdown_lab.synthesis import (
 from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest
 
-from .cores import CoreEntry, simulated_cycles
+from .cores import BusEntry, CoreEntry, simulated_cycles
 from .operators import MeasuredOperator
 
-__all__ = ["Design", "core_circuit", "core_design", "measure", "operator_design", "provenance",
+__all__ = ["Design", "bus_design", "core_circuit", "core_design", "measure", "operator_design", "provenance",
            "without_comments"]
 
 
@@ -96,6 +96,15 @@ def core_design(entry: CoreEntry, build: Path) -> Design:
         raise RuntimeError(f"{entry.module} says {counted} cycles and takes {found}")
     return Design({
         "module": entry.module, "config": entry.config.name, "latency": counted[0], "cycles": counted[1],
+        "verilog_sha256": digest(text)}, text, entry.module, entry.placed, walked=True)
+
+
+def bus_design(entry: BusEntry) -> Design:
+    """Design of a ``BusEntry``."""
+    core = entry.make()
+    text = core_circuit(core, entry.config)
+    return Design({
+        "module": entry.module, "config": entry.config.name, "streams": entry.streams, "latency": core.latency,
         "verilog_sha256": digest(text)}, text, entry.module, entry.placed, walked=True)
 
 

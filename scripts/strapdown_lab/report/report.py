@@ -4,11 +4,12 @@ import json
 
 from .families import family_lines, family_table
 from .plots import core_plot, operator_plot
-from .tables import anchor_table, core_table, flow_lines, operator_tables
+from .tables import anchor_table, bus_table, core_table, flow_lines, operator_tables
 
-__all__ = ["write_cores", "write_families", "write_json", "write_operators", "write_page"]
+__all__ = ["write_buses", "write_cores", "write_families", "write_json", "write_operators", "write_page"]
 
 CORES_FILE, FAMILIES_FILE, OPERATORS_FILE, PAGE = "cores.json", "families.json", "operators.json", "report.md"
+BUSES_FILE = "buses.json"
 CORE_PICTURE, OPERATOR_PICTURE = "cores.png", "operators.png"
 
 
@@ -26,6 +27,11 @@ def write_cores(directory, report):
         core_plot(directory / CORE_PICTURE, report)
 
 
+def write_buses(directory, report):
+    """Write buses.json."""
+    write_json(directory / BUSES_FILE, report)
+
+
 def write_families(directory, report):
     """Write families.json and a page with its table; returns the page's path."""
     write_json(directory / FAMILIES_FILE, report)
@@ -40,11 +46,13 @@ def write_json(path, report):
     path.write_text(json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def write_page(directory, *, cores=None, operators=None):
+def write_page(directory, *, cores=None, buses=None, operators=None):
     """Write the page with the tables of the existing reports; returns its path."""
     parts = ["# Report"]
     if cores:
         parts += ["## Cores", core_table(cores), "Public cores, for comparison:", anchor_table(), flow_lines(cores)]
+    if buses:
+        parts += ["## Cores behind a bus", bus_table(buses, cores or {"cores": []}), flow_lines(buses)]
     if operators:
         parts += ["## Operators", operator_tables(operators), flow_lines(operators)]
     path = directory / PAGE

@@ -6,7 +6,7 @@ from strapdown.markdown import markdown_table
 
 from .anchors import CORE_ANCHORS, best_known
 
-__all__ = ["anchor_table", "core_table", "flow_lines", "operator_tables"]
+__all__ = ["anchor_table", "bus_table", "core_table", "flow_lines", "operator_tables"]
 
 
 def operator_tables(report, operators=None):
@@ -66,6 +66,20 @@ def core_table(report):
         for cells, row in zip(rows, report["cores"], strict=True):
             cells.append(row.get("asynchronous_paths", "–"))
     return markdown_table(head, rows)
+
+
+def bus_table(report, cores):
+    """The table of ``buses.json``: what a bus adds to the cores of ``cores.json``, and their clock frequency."""
+    alone = {row["config"]: row for row in cores["cores"]}
+    rows = []
+    for row in report["buses"]:
+        core = alone.get(row["config"], {})
+        added = [f"{row['xc7'][name] - core['xc7'][name]:+,}" if core else "–" for name in ("lut", "ff")]
+        share = f"{row['ecp5']['fmax_mhz'] / core['ecp5']['fmax_mhz']:.2f}" if "ecp5" in row and "ecp5" in core else "–"
+        rows.append([f"`{row['module']}`", f"`{row['config']}`", "yes" if row["streams"] else "no",
+                     f"{row['xc7']['lut']:,}", added[0], f"{row['xc7']['ff']:,}", added[1], _frequency(row), share])
+    return markdown_table(["module", "configuration", "streams", "LUT:", "LUT added:", "FF:", "FF added:",
+                           "MHz, ECP5:", "of the core's:"], rows)
 
 
 def _cycles(row):
