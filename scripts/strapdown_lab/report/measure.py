@@ -43,6 +43,8 @@ class Design:
         Whether it is placed and routed.
     walked : bool
         Whether its netlist is searched for paths from asynchronous controls to RAM and DSP blocks.
+    clock : str
+        Its clock.
     """
 
     facts: dict
@@ -50,6 +52,7 @@ class Design:
     top: str
     placed: bool = True
     walked: bool = False
+    clock: str = "clk"
 
 
 def operator_design(entry: MeasuredOperator) -> Design:
@@ -105,7 +108,8 @@ def bus_design(entry: BusEntry) -> Design:
     text = core_circuit(core, entry.config)
     return Design({
         "module": entry.module, "config": entry.config.name, "streams": entry.streams, "latency": core.latency,
-        "verilog_sha256": digest(text)}, text, entry.module, entry.placed, walked=True)
+        "verilog_sha256": digest(text)}, text, entry.module, entry.placed, walked=True,
+        clock=core.control.clock.name)
 
 
 def provenance(*, place):
@@ -155,7 +159,7 @@ def _xc7(design, cache):
 
 
 def _ecp5(design, cache):
-    placed = place_ecp5(design.verilog, design.top, cache)
+    placed = place_ecp5(design.verilog, design.top, cache, clock=design.clock)
     return {"lut": placed.lut, "ff": placed.ff, "multiplier": placed.multiplier, "ebr": placed.ebr,
             "fmax_mhz": placed.median_mhz, "fmax_mhz_of_seeds": list(placed.fmax_mhz),
             "critical": list(placed.critical)}
