@@ -17,11 +17,11 @@ from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_lab.report import plots
 from strapdown_lab.report.anchors import OPERATOR_ANCHORS, best_known
-from strapdown_lab.report.cores import CORES, simulated_cycles
-from strapdown_lab.report.measure import Design, core_circuit, measure, operator_design
+from strapdown_lab.report.cores import BUSES, CORES, simulated_cycles
+from strapdown_lab.report.measure import Design, bus_design, core_circuit, measure, operator_design
 from strapdown_lab.report.operators import MEASURED
 from strapdown_lab.report.plots import core_plot, operator_plot
-from strapdown_lab.report.tables import core_table, operator_tables
+from strapdown_lab.report.tables import bus_table, core_table, operator_tables
 from strapdown_lab.synthesis import tools
 from strapdown_sim.cache import Cache, digest
 
@@ -203,8 +203,35 @@ def test_figures_of_cores_are_of_these_circuits(figures, make_module):
     assert known == {key: digest(circuit) for key, circuit in found.items()}, "make report measures them again"
 
 
+def test_figures_of_cores_behind_a_bus_are_of_these_circuits(figures):
+    known = [(row["module"], row["config"], row["streams"], row["verilog_sha256"]) for row in figures["buses"]["buses"]]
+    found = [bus_design(entry).facts for entry in BUSES]
+    assert known == [(row["module"], row["config"], row["streams"], row["verilog_sha256"]) for row in found], \
+        "make report measures them again"
+
+
+def test_a_bus_is_small_and_does_not_slow_the_core_down(figures):
+    """At most 600 LUTs for AXI4-Lite, 900 with streams, and 0.95 of the clock frequency."""
+    (core,) = (row for row in figures["cores"]["cores"] if row["config"] == "thesis")
+    rows = [row for row in figures["buses"]["buses"] if row["config"] == "thesis"]
+    assert [row["streams"] for row in rows] == [False, True]
+    for row, most in zip(rows, (600, 900), strict=True):
+        assert row["xc7"]["lut"] - core["xc7"]["lut"] <= most
+        assert row["ecp5"]["fmax_mhz"] >= 0.95 * core["ecp5"]["fmax_mhz"]
+
+
+def test_bus_table():
+    alone = {"cores": [CORE]}
+    row = {"module": "INS_top_axi", "config": "thesis", "streams": False, "latency": 279,
+           "xc7": CORE["xc7"] | {"lut": 3000, "ff": 2750}, "ecp5": ECP5 | {"fmax_mhz": 78.0}}
+    *_, first, second = bus_table({"buses": [row, {**row, "config": "sins", "streams": True}]}, alone).splitlines()
+    assert first == "| `INS_top_axi` | `thesis` | no | 3,000 | +444 | 2,750 | +1,000 | 78 | 0.98 |"
+    assert second == "| `INS_top_axi` | `sins` | yes | 3,000 | – | 2,750 | – | 78 | – |"
+
+
 def test_no_core_has_an_asynchronous_path(figures):
-    assert {row["config"] for row in figures["cores"]["cores"] if row.get("asynchronous_paths")} == set()
+    rows = figures["cores"]["cores"] + figures["buses"]["buses"]
+    assert {row["config"] for row in rows if row.get("asynchronous_paths")} == set()
 
 
 def test_figures_of_operators_are_of_these_circuits(figures):

@@ -142,18 +142,34 @@ class AxiCore(Wrapper):
         table = self._table
         rows = [(f"0x{register.address:03X}", register.name, f"0x{register.reset:X}", register.meaning)
                 for register in table]
+        timing = (
+            "An access can be taken in every cycle. Its answer is valid in the second cycle after it, if earlier "
+            f"answers have been taken. An update takes {self.latency} cycles; its start is the second edge after the "
+            "one that takes the write of CONTROL, or a later one if the core is not ready yet.")
         parts = [Section("REGISTERS", paragraphs=("Address, name, value after a reset, and meaning.",),
-                         rows=tuple(rows))]
+                         rows=tuple(rows)), Section("TIMING", paragraphs=(timing,))]
+        if self._streams:
+            streams = (
+                f"A sample has {table.sample_words} words, an answer {table.answer_words}. The updates of a stream "
+                f"follow each other every {self.stream_interval} cycles, if no side waits; then the next sample comes "
+                "in while an update runs. A sample waits until its answer has room.")
+            parts.append(Section("STREAMS", paragraphs=(streams,), rows=(
+                ("sample", ", ".join(word.port for word in table.samples)),
+                ("answer", ", ".join((*(word.port for word in table.outputs), self.system.status_port))))))
         return *parts, *program_sections(self.program)
 
     @property
     def facts(self):
         """Registers and figures as JSON values."""
-        return {"registers": [
+        table = self._table
+        registers = [
             {"name": register.name, "address": register.address, "meaning": register.meaning,
              "fields": [{"name": field.name, "low": field.low, "width": field.width, "access": field.access.value,
                          "reset": field.reset, "meaning": field.meaning} for field in register.fields]}
-            for register in self._table], **program_facts(self.program, self.engine.status_names)}
+            for register in table]
+        streams = {"sample_words": table.sample_words, "answer_words": table.answer_words,
+                   "stream_interval_cycles": self.stream_interval} if self._streams else {}
+        return {"registers": registers, **streams, **program_facts(self.program, self.engine.status_names)}
 
     def elaborate(self, platform):
         m = Module()

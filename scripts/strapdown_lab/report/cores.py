@@ -42,7 +42,7 @@ class BusEntry(CoreEntry):
 BUSES = tuple(BusEntry(f"{main_module(config)}_axi", config, partial(axi_core, config, streams=streams),
                        placed=config.name == "thesis", streams=streams)
               for config, streams in ((CONFIGS["thesis"], False), *((CONFIGS[name], True) for name in (
-                  "thesis", "thesis_x8", "flight", "quaternion_j2", "sins"))))
+                  "thesis", "thesis_x8", "quaternion_j2"))))
 
 
 def simulated_cycles(core, verilog, build):
