@@ -197,7 +197,7 @@ def report_blocks():
     cores, buses, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
                                for name in ("cores", "buses", "operators"))
     return {"flow": flow_lines(cores), "cores": core_table(cores), "public cores": anchor_table(),
-            "buses": bus_table(buses, cores),
+            "buses": bus_table(buses, cores), "bus flow": flow_lines(buses),
             "operators": operator_tables(operators)}
 
 
