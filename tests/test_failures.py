@@ -228,10 +228,10 @@ def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
 
 # Contents of the samples.
 
-def test_several_channels_are_refused(recording, tmp_path):
-    result = run("replay", recording(), "--config", "thesis_x8", "--output", tmp_path / "out")
-    assert_one_line(result, "INS_top_x8 takes the samples of 8 sensors, and a recording has one: "
-                            "replay it with channels=1")
+@pytest.mark.parametrize("option", [["--html"], ["--bag", "mcap"]])
+def test_a_page_or_bag_of_several_channels_is_refused(recording, tmp_path, option):
+    result = run("replay", recording(), "--config", "thesis_x8", "--output", tmp_path / "out", *option)
+    assert_one_line(result, "--html and --bag show one sensor: replay it with --set channels=1")
     assert not (tmp_path / "out").exists()
 
 

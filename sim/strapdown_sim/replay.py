@@ -5,7 +5,7 @@ import json
 import os
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from strapdown.files import written_together
 
 from .bag import require_rosbags, write_bag
 from .drivers.core import CoreModel
+from .drivers.stream import StreamModel
 from .drivers.toolchain import compiler, verilator_root
 from .errors import (
     angle_difference,
@@ -36,7 +37,7 @@ from .reference.attitude import euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS
 from .truth import REFERENCES
 
-__all__ = ["Replay", "for_recording", "port_inputs", "replay", "write_attitude"]
+__all__ = ["Replay", "for_recording", "port_inputs", "replay", "replay_channels", "write_attitude"]
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,77 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     return found
 
 
+def replay_channels(recordings: Sequence[Recording], config: Config, directory: str | os.PathLike, *,
+                    build: str | os.PathLike, command: Sequence[str],
+                    progress: Callable[[str, int, int], object] | None = None) -> Replay:
+    """Run recordings of several IMUs through a core for several channels, the first one in channel 0, and so on.
+
+    Each channel gets one sample after the other in turn; channels without a recording get none. The function writes
+    what ``replay`` writes, with the results of each channel in a folder ``channel_0``, ....
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        On one time axis, as from ``recordings_of``; at most as many as the core has channels.
+    config : Config
+        A configuration of several channels, whose core has an independent reference.
+    directory, build, command, progress
+        See ``replay``.
+
+    Returns
+    -------
+    Replay
+        That of channel 0; its summary has the results of all channels.
+
+    Raises: as ``replay``.
+    """
+    compiler()
+    verilator_root()
+    progress = progress or (lambda stage, done, total: None)
+    progress("build", 0, 1)
+    first, lanes, count = recordings[0], len(recordings), len(recordings[0].time_s)
+    module, config = main_module(config), for_recording(config, first)
+    single = system_of(module, config).name.rpartition("_x")[0]
+    if single not in REFERENCES:
+        raise ConfigError(f"{module} has no reference for its channels: replay it with channels=1")
+    core = make_core(module, config)
+    system = core.system
+    inputs = {port: np.stack([values[port] for values in (_bound(each, config, system) for each in recordings)],
+                             axis=1).reshape(-1) for port in system.input_ports}
+    if command:
+        command = [*command, "--module", module, "--set", f"sample_rate_hz={first.sample_rate_hz!r}"]
+    with written_together(Path(directory)) as partial:
+        model = StreamModel(core, write_core(core, config, partial, shlex.join(command)), build)
+        progress("build", 1, 1)
+        result = model.update(np.tile(np.arange(lanes), count), inputs,
+                              progress=lambda done: progress("simulate", done // lanes, count))
+        progress("compare", 0, 2)
+        differing = model.differing_bits(inputs, result)
+        status = {name: int(values.sum()) for name, values in _status_bits(core.engine, result).items()}
+        summary = {"recording": first.name, "config": config.name, "samples": count * lanes,
+                   "sample_rate_hz": first.sample_rate_hz, "cycles_per_update": core.latency,
+                   "microseconds_per_update_at_100_mhz": core.latency / 100,
+                   "refused_updates": status.get("refused", 0), "updates_by_status": status,
+                   "bits_differing_from_twin": differing, "channels": {}}
+        if first.timing is not None:
+            summary["time"] = _time_summary(first.timing, False)
+        replays = []
+        for channel, recording in enumerate(recordings):
+            folder = partial / f"channel_{channel}"
+            folder.mkdir()
+            rows = result["out_channel"] == channel
+            outputs = system.read({port: result[port][rows] for port in system.output_ports})
+            truth = REFERENCES[single](config).run(recording.accel, _mag(recording), recording.gyro_deg_s)
+            own: dict = {}
+            replays.append(_attitude(recording, config, outputs, truth, folder, f"{recording.name}: channel {channel} "
+                                                                                "of "
+                                     f"{module}, {recording.sample_rate_hz:g} Hz", own))
+            summary["channels"][str(channel)] = {"recording": recording.name, **own}
+        (partial / "summary.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    progress("compare", 2, 2)
+    return replace(replays[0], summary=summary)
+
+
 TIMED_INPUTS = {"period_input": "period_s", "mag_valid_input": "mag_new"}
 """Fields of a configuration that give its core an input, and the part of a recording that feeds it."""
 
@@ -213,7 +285,12 @@ def port_inputs(recording: Recording, config: Config) -> dict[str, np.ndarray]:
     if config.channels > 1:
         raise ConfigError(f"{module} takes the samples of {config.channels} sensors, and a recording has one: "
                           "replay it with channels=1")
-    system = system_of(module, config)
+    return _bound(recording, config, system_of(module, config))
+
+
+def _bound(recording, config, system):
+    """Numbers of a recording for the input ports of a system."""
+    module = system.name
     vectors = ({"a": recording.accel, "m": _mag(recording), "g": recording.gyro_deg_s} | config.constant_inputs()
                | navigation_inputs(recording, system.inputs, module) | _timed(recording, system))
     if unknown := [name for name in system.inputs if name not in vectors]:

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strapdown.cores import CONFIGS, FLIGHT_6AXIS, MAHONY, main_module
+from strapdown.config import ConfigError
+from strapdown.cores import CONFIGS, FLIGHT_6AXIS, MAHONY, THESIS_X8, main_module
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_sim.errors import angle_difference, attitude_errors, match_reference
-from strapdown_sim.recordings import Log, Stream, read_recording, recording_of
-from strapdown_sim.replay import for_recording, replay
+from strapdown_sim.recordings import Log, Stream, read_recording, recording_of, recordings_of
+from strapdown_sim.replay import for_recording, port_inputs, replay, replay_channels
 from strapdown_sim.truth import REFERENCES
 
 # float32 is good to 2**-24; Kp = 0.5 forgets an error in two seconds, some 600 updates of ten
@@ -113,3 +114,33 @@ def test_px4_tilt(shared_logs):
     match = match_reference(recording, truth.q_b2n)
     assert attitude_errors(match.q_est, match.q_ref).inclination.max() < 1.2
     assert recording.reference.meaning == "the autopilot's own estimate, not truth"
+
+
+@pytest.mark.verilator
+def test_several_imus_of_a_log_share_a_core(tmp_path, models):
+    time_s, still = np.arange(40) / 100, np.tile([0, 0, 9.80665], (40, 1))
+    # The second IMU turns the other way, 3 ms later; the third has too few samples.
+    log = Log(Path("three.bin"), "made here", (
+        Stream("gyro", "one", time_s, np.tile([0, 0, 50.0], (40, 1))), Stream("accel", "one", time_s, still),
+        Stream("gyro", "two", time_s + 0.003, np.tile([0, 0, -50.0], (40, 1))),
+        Stream("accel", "two", time_s + 0.003, still),
+        Stream("gyro", "three", time_s[::4], np.tile([0, 0, 9.0], (10, 1)))))
+    recordings = recordings_of(log, 8)
+    assert [recording.name for recording in recordings] == ["three", "three, two"]
+    result = replay_channels(recordings, THESIS_X8, tmp_path / "out", build=models, command=())
+    assert result.summary["bits_differing_from_twin"] == 0
+    assert result.summary["samples"] == 80
+    for channel in "01":
+        assert result.summary["channels"][channel]["against_float64_reference_deg"]["max"] < LARGEST_DEG
+    ends = [float((tmp_path / "out" / f"channel_{channel}" / "attitude.csv").read_text(encoding="utf-8")
+                  .splitlines()[-1].rpartition(",")[2]) for channel in range(2)]
+    assert ends[0] == pytest.approx(50 * 0.4, abs=0.1)
+    assert ends[1] == pytest.approx(360 - 50 * 0.4, abs=0.1)
+
+
+def test_one_recording_has_no_numbers_for_several_channels():
+    recording = turning(np.full(20, 0.01))
+    with pytest.raises(ConfigError, match=r"^INS_top_x8 takes the samples of 8 sensors, and a recording has one: "
+                                           "replay it "
+                                          r"with channels=1$"):
+        port_inputs(recording, for_recording(THESIS_X8, recording))

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from .common import UserError, show_table, writing
-from .replay import log_options
+from .replay import MERGED, log_options
 
 __all__ = ["inspect"]
 
@@ -24,15 +24,14 @@ def inspect(recording, choice, picture):
     from strapdown_sim.inspection import inspection_picture
     from strapdown_sim.recordings import RecordingError, read_log, recording_of
 
-    merged = ("imu", "mag", "start_s", "stop_s")
     try:
-        log = read_log(recording, **{name: value for name, value in choice.items() if name not in merged})
+        log = read_log(recording, **{name: value for name, value in choice.items() if name not in MERGED})
     except RecordingError as error:
         raise UserError(str(error)) from None
     found = facts_of(log)
     used, refusal = None, None
     try:
-        used = recording_of(log, **{name: value for name, value in choice.items() if name in merged})
+        used = recording_of(log, **{name: value for name, value in choice.items() if name in MERGED})
     except RecordingError as error:
         refusal = str(error)
     picture = picture or Path("build/inspect") / f"{log.name}.png"

@@ -10,7 +10,10 @@ from strapdown.config import ConfigError
 from .common import UserError, config_options, show_table, target_of, writing
 from .progress import progress_of_stages
 
-__all__ = ["log_options", "replay"]
+__all__ = ["MERGED", "log_options", "replay"]
+
+MERGED = "imu", "mag", "start_s", "stop_s"
+"""Options of ``log_options`` that say what of a log that was read is used."""
 
 
 def log_options(function):
@@ -69,22 +72,31 @@ def replay(recording, config_name, changes, output, choice, html, bag, build):
     from strapdown_sim.bag import MissingRosbagsError
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.page import MissingPlotlyError
-    from strapdown_sim.recordings import RecordingError, read_recording
+    from strapdown_sim.recordings import RecordingError, read_log, recordings_of
     from strapdown_sim.replay import replay as run
+    from strapdown_sim.replay import replay_channels
 
     config, _, options = target_of(None, config_name, changes)
+    if config.channels > 1 and (html or bag):
+        raise UserError("--html and --bag show one sensor: replay it with --set channels=1")
     try:
-        data = read_recording(recording, **choice)
+        log = read_log(recording, **{name: value for name, value in choice.items() if name not in MERGED})
+        recordings = recordings_of(log, config.channels, **{
+            name: value for name, value in choice.items() if name in MERGED})
     except RecordingError as error:
         raise UserError(str(error)) from None
+    data = recordings[0]
     for note in data.notes:
         click.echo(f"strapdown: note: {note}", err=True)
     labels = {"build": "generate and compile", "simulate": "simulate, samples", "compare": "compare"}
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
-                result = run(data, config, output, build=build, html=html, bag=bag, progress=progress,
-                             command=("strapdown", "generate", *options))
+                common = {"build": build, "progress": progress, "command": ("strapdown", "generate", *options)}
+                if config.channels > 1:
+                    result = replay_channels(recordings, config, output, **common)
+                else:
+                    result = run(data, config, output, html=html, bag=bag, **common)
         except (SimulatorMissingError, MissingPlotlyError, MissingRosbagsError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)
@@ -101,6 +113,9 @@ def _print_summary(summary, output):
             ("cycles per update", str(summary["cycles_per_update"])),
             ("microseconds at 100 MHz", f"{summary['microseconds_per_update_at_100_mhz']:.2f}")]
     rows += _time_rows(summary.get("time"))
+    for channel, own in summary.get("channels", {}).items():
+        rows.append((f"channel {channel}: largest rotation angle to float64",
+                     _figure(own["against_float64_reference_deg"]["max"], ".6f", "°") + f", {own['recording']}"))
     if attitude := summary.get("against_float64_reference_deg"):
         rows += [("largest rotation angle to float64", _figure(attitude["max"], ".6f", "°")),
                  ("RMS rotation angle to float64", _figure(attitude["rms"], ".6f", "°"))]

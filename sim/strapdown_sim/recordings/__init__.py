@@ -18,7 +18,7 @@ from .blackbox import read_blackbox
 from .dataflash import is_dataflash, read_dataflash
 from .kitti import is_kitti, read_kitti
 from .log import Log, Stream
-from .merge import recording_of
+from .merge import recording_of, recordings_of
 from .npz import read_npz
 from .plain_csv import read_csv
 from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing, Track
@@ -29,7 +29,8 @@ from .ulog import read_ulog
 from .x_imu import X_IMU_RATE_HZ
 
 __all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Format", "Log", "Recording", "RecordingError", "Reference",
-           "Stream", "Timing", "Track", "read_log", "read_recording", "recording_of"]
+           "Stream", "Timing", "Track", "read_log", "read_recording", "recording_of",
+           "recordings_of"]
 
 HEAD_BYTES = 4096
 """Bytes of a file that are read to recognise its format."""

@@ -8,7 +8,7 @@ sample.
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from .recording import (
     unit_quaternions,
 )
 
-__all__ = ["held", "recording_of", "saturated"]
+__all__ = ["held", "recording_of", "recordings_of", "saturated"]
 
 BRIDGED_S = 1.0
 """Longest gap that is bridged whatever the motion."""
@@ -94,6 +94,27 @@ def recording_of(log: Log, *, imu: str | None = None, mag: str | None = None, st
             one_rate_error_deg=_one_rate_error(recording.gyro_deg_s, period, 1 / recording.sample_rate_hz)))
     check_gravity(log.path, recording)
     return replace(recording, notes=(*notes, *_statements(recording, gyro)))
+
+
+def recordings_of(log: Log, count: int, **choice: Any) -> list[Recording]:
+    """Recordings of up to ``count`` IMUs of a log, on the time axis of the first one, all with its magnetometer.
+
+    An IMU counts if it has at least half the samples of the first. ``choice`` is that of ``recording_of``, where
+    ``imu`` is the first one.
+
+    Raises: RecordingError.
+    """
+    first = recording_of(log, **choice)
+    gyro = log.chosen(GYRO, choice.get("imu"), "--imu")
+    found = [first]
+    for stream in log.of(GYRO):
+        if len(found) < count and stream is not gyro and gyro and len(stream.time_s) >= len(gyro.time_s) / 2:
+            other = recording_of(log, **(choice | {"imu": stream.name}))
+            gyro_deg_s, accel = (np.stack([np.interp(first.time_s, other.time_s, axis) for axis in values.T], axis=-1)
+                                 for values in (other.gyro_deg_s, other.accel))
+            found.append(replace(first, name=f"{log.name}, {stream.name}", gyro_deg_s=gyro_deg_s, accel=accel,
+                                 accel_unit=other.accel_unit))
+    return found
 
 
 def _clock(log: Log, gyro: Stream, start_s: float | None, stop_s: float | None) -> Clock:
