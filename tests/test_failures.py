@@ -265,8 +265,11 @@ def test_rejected_and_out_of_range_samples_are_counted(recording, tmp_path, twin
 
 def test_an_update_that_is_always_refused_is_an_error(recording, tmp_path, twin):
     result = replay(recording(dict.fromkeys(range(COUNT), "1e39,0,0,0,0,1,20,0,-40")), tmp_path / "out")
-    assert_one_line(result, "all updates were refused: numbers are not finite, or too large for the core's format, so "
-                            "the outputs are those after reset")
+    assert result.exit_code == 2
+    note, error = result.stderr.splitlines()
+    assert note.startswith("strapdown: note: rates up to ")
+    assert error == ("strapdown: all updates were refused: numbers are not finite, or too large for the core's format, "
+                     "so the outputs are those after reset")
     assert json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["refused_updates"] == COUNT
 
 
