@@ -1,5 +1,7 @@
 """Modules of the optical sensor without equations: their ports, OPT_send's frames, variants of OPT_top at the pins."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,19 @@ def test_updates_come_once_a_line(make_module):
         ports = {port.name: port.meaning for port in make_module(module, OPTICAL_S11639).ports}
         assert ports["in_accx"].endswith(meaning)
     assert make_module("OPT_attitude", OPTICAL_S11639).interval == make_module("OPT_attitude", OPTICAL_S11639).latency
+
+
+@pytest.mark.parametrize("changes", [{}, {"sensor": "tsl1402", "trigger": "external", "send_every": 3}],
+                         ids=["preset", "others"])
+@pytest.mark.parametrize("config", [OPTICAL_TCD1304, OPTICAL_S11639], ids=lambda config: config.name)
+@pytest.mark.parametrize("module", ["OPT_timing", "OPT_capture", "OPT_buffer", "OPT_spot", "OPT_send"])
+def test_signals_have_names(module, config, changes):
+    """At most a fifth of the signals in the Verilog have only a number."""
+    config = config.replace(**changes)
+    text = re.sub(r"//.*", "", verilog_text(make_module(module, config), config))
+    names = re.findall(r"^ *(?:wire|reg) *(?:\[[^\]]*\] *)?(\w+)", text, re.MULTILINE)
+    assert len(names) >= 10
+    assert len([name for name in names if re.fullmatch(r"n\d+", name)]) <= 0.2 * len(names)
 
 
 @pytest.mark.parametrize("mode", ["streaming", "buffered"])

@@ -291,10 +291,14 @@ class LineTiming(Described):
             cycle %= line
             return in_slot(cycle % self._slot) & (slot == cycle // self._slot)
 
+        clock_ends = Signal()
         ends = Signal()
-        m.d.comb += ends.eq(in_slot(self._slot - 1))
-        m.d.sync += [self.ccd_clk.eq(beat < self._high), beat.eq(Mux(beat == self._clock - 1, 0, beat + 1))]
-        with m.If(beat == self._clock - 1):
+        last_but_one = Signal()
+        last_slot = Signal()
+        m.d.comb += [clock_ends.eq(beat == self._clock - 1), ends.eq(in_slot(self._slot - 1)),
+                     last_but_one.eq(slot == self._line_slots - 2), last_slot.eq(slot == self._line_slots - 1)]
+        m.d.sync += [self.ccd_clk.eq(beat < self._high), beat.eq(Mux(clock_ends, 0, beat + 1))]
+        with m.If(clock_ends):
             m.d.sync += clock.eq(Mux(ends, 0, clock + 1))
 
         # A line exposes, reads, or both. Without a next line, the slot before the last one is repeated.
@@ -304,16 +308,16 @@ class LineTiming(Described):
         goes = Signal()
         asked = Array(Signal(EXPOSURE_WIDTH, name=f"asked_{ccd}", reset_less=True) for ccd in range(2))
         taken = Array(Signal(EXPOSURE_WIDTH, name=f"taken_{ccd}") for ccd in range(2))
-        m.d.comb += goes.eq(self.run & self._pending(m, goes & ends & (slot == self._line_slots - 2)))
+        m.d.comb += goes.eq(self.run & self._pending(m, goes & ends & last_but_one))
         with m.If(ends):
             m.d.sync += slot.eq(slot + 1)
-            with m.If(slot == self._line_slots - 2):
+            with m.If(last_but_one):
                 m.d.sync += follows.eq(goes)
                 with m.If(goes):
                     m.d.sync += [asked[ccd].eq(self.exposure[ccd]) for ccd in range(2)]
                 with m.If(~goes & ~exposes):
                     m.d.sync += slot.eq(slot)
-            with m.If(slot == self._line_slots - 1):
+            with m.If(last_slot):
                 m.d.sync += [slot.eq(0), reads.eq(exposes), exposes.eq(follows)]
                 m.d.sync += [self.effective[ccd].eq(taken[ccd]) for ccd in range(2)]
 
@@ -321,9 +325,11 @@ class LineTiming(Described):
         sampling = Signal()
         sample = Signal()
         first = Signal()
-        m.d.comb += [first.eq(at(self.events["first sample"] - 1) & reads),
-                     sample.eq(in_slot((self.events["first sample"] - 1) % self._slot) & (sampling | first))]
-        last = at(self.events["last sample"] - 1)
+        last = Signal()
+        sample_place = Signal()
+        m.d.comb += [sample_place.eq(in_slot((self.events["first sample"] - 1) % self._slot)),
+                     first.eq(at(self.events["first sample"] - 1) & reads),
+                     last.eq(at(self.events["last sample"] - 1)), sample.eq(sample_place & (sampling | first))]
         m.d.sync += [self.sample.eq(sample), self.first.eq(first), self.last.eq(sample & last)]
         with m.If(sample):
             m.d.sync += [sampling.eq(~last), self.pixel_index.eq(Mux(first, 0, self.pixel_index + 1))]
@@ -388,14 +394,20 @@ class LineTiming(Described):
         left = Signal(range(self._sensor.flushes + 1), name=f"left_{ccd}")
         step = Signal(range(pitch + 1), name=f"step_{ccd}")
         exposed = Signal(name=f"exposed_{ccd}")
+        flush_slot = Signal(name=f"flush_slot_{ccd}")
+        pulse_ends = Signal(name=f"pulse_ends_{ccd}")
+        pulse_begins = Signal(name=f"pulse_begins_{ccd}")
+        sh_rises = Signal(name=f"sh_rises_{ccd}")
+        m.d.comb += [flush_slot.eq(flushing & places), pulse_ends.eq(step == high), pulse_begins.eq(step == pitch),
+                     sh_rises.eq(at(events["SH rises"]))]
         with m.If(begins):
             m.d.sync += [flushing.eq(1), left.eq(self._sensor.flushes), step.eq(1), pin.eq(1)]
-        with m.If(flushing & places):
+        with m.If(flush_slot):
             m.d.sync += step.eq(step + 1)
-            with m.If(step == high):
+            with m.If(pulse_ends):
                 m.d.sync += [pin.eq(0), flushing.eq(left != 0)]
                 m.d.comb += exposed.eq(left == 0)
-            with m.If(step == pitch):
+            with m.If(pulse_begins):
                 m.d.sync += [step.eq(1), left.eq(left - 1), pin.eq(1)]
         with m.If(reads):
             if ccd == 0:
@@ -403,7 +415,7 @@ class LineTiming(Described):
                     m.d.sync += self.ccd_icg.eq(0)
                 with m.If(at(events["ICG rises"])):
                     m.d.sync += self.ccd_icg.eq(1)
-            with m.If(at(events["SH rises"])):
+            with m.If(sh_rises):
                 m.d.sync += pin.eq(1)
             with m.If(at(events["SH falls"])):
                 m.d.sync += pin.eq(0)

@@ -315,7 +315,9 @@ class FrameOutput(Assembled):
         m = Module()
         m.submodules.sampler = sampler = self._sampler
         m.submodules.sender = sender = self._sender
-        before, skipped, chosen = Signal(), Signal(range(self._every)), Signal()
+        before = Signal()
+        skipped = Signal(range(self._every))
+        chosen = Signal()
         m.d.sync += before.eq(self.in_send_en)
         with m.If(sampler.sample):
             m.d.sync += skipped.eq(Mux(skipped == self._every - 1, 0, skipped + 1))

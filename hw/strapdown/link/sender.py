@@ -191,18 +191,24 @@ class HeldFrameSender(FrameSender):
     def _bytes(self, m, left):
         m.submodules.payload = payload = Memory(shape=8 * WORD, depth=1 << (self.loading - 1).bit_length(), init=[])
         write, read = payload.write_port(), payload.read_port(domain="comb")
-        index, loads = Signal(range(self.loading)), Signal()
-        m.d.comb += [write.addr.eq(index), write.en.eq(loads),
-                     write.data.eq(self.frames.p.payload.word_select(index, 8 * WORD))]
+        index = Signal(range(self.loading))
+        loads = Signal()
+        # What is left of the payload; its lowest word is the next.
+        rest = Signal.like(self.frames.p.payload, name="rest")
+        m.d.comb += [rest.eq(self.frames.p.payload >> index * (8 * WORD)), write.addr.eq(index), write.en.eq(loads),
+                     write.data.eq(rest)]
         m.d.sync += index.eq(Mux(loads, index + 1, 0))
         with m.If(index == self.loading - 1):
             m.d.sync += loads.eq(0)
-        counter, status = Signal(8 * _width("counter"), reset_less=True), Signal(8 * _width("status"), reset_less=True)
+        counter = Signal(8 * _width("counter"), reset_less=True)
+        status = Signal(8 * _width("status"), reset_less=True)
         head = self._frame(counter, status, C(0, 0))
         begin = place("payload").start
-        number, byte = Signal(len(left)), Signal(8)
+        number = Signal(len(left))
+        byte = Signal(8)
+        rest_of_word = Signal(8 * WORD)
         m.d.comb += [number.eq(self.size - begin - left), read.addr.eq(number >> 2),
-                     byte.eq(read.data.word_select(number[:2], 8))]
+                     rest_of_word.eq(read.data >> number[:2] * 8), byte.eq(rest_of_word)]
         with m.Switch(left):
             for offset in range(begin):
                 with m.Case(self.size - offset):
