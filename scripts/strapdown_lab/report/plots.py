@@ -113,12 +113,20 @@ def _overlap(a, b):
 
 
 def _merged(rows):
-    """Cores with equal figures as one point, with the names of all their configurations."""
-    merged: dict[tuple, tuple[list, dict]] = {}
+    """Cores with almost equal figures as one point, that of the first, with the names of all their configurations."""
+    merged: list[tuple[list, dict]] = []
     for row in rows:
-        key = row["module"], round(microseconds(row), 1), round(row["xc7"]["lut"], -2)
-        merged.setdefault(key, ([], row))[0].append(row["config"])
-    return merged.values()
+        names = next((names for names, other in merged if _alike(row, other)), None)
+        if names is None:
+            merged.append((names := [], row))
+        names.append(row["config"])
+    return merged
+
+
+def _alike(row, other):
+    """True if two cores are the same module, with equal DSPs, and with LUTs and time equal within 5 %."""
+    return (row["module"], row["xc7"]["dsp"]) == (other["module"], other["xc7"]["dsp"]) and np.allclose(
+        (microseconds(row), row["xc7"]["lut"]), (microseconds(other), other["xc7"]["lut"]), rtol=0.05, atol=0)
 
 
 def operator_plot(path, report):
