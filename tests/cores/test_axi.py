@@ -1,10 +1,13 @@
 """A core behind its bus: updates by register, in Amaranth's simulator; parameters, ports and errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from amaranth.sim import Simulator
 
-from strapdown.cores import FLIGHT, THESIS, axi_core, main_module, make_core, register_table
+from strapdown.bus import Access, Field, Register, Word
+from strapdown.cores import FLIGHT, QUATERNION_J2, THESIS, AxiCore, axi_core, main_module, make_core, register_table
 
 SAMPLES = 3
 
@@ -90,3 +93,16 @@ def test_inputs_with_a_value_in_the_configuration_have_it_after_a_reset():
 def test_errors(changes, options, message):
     with pytest.raises(ValueError, match=f"^{message}$"):
         axi_core(THESIS.replace(**changes), **options)
+
+
+def test_answers_must_fit_between_the_updates_of_several_channels():
+    config = QUATERNION_J2.replace(channels=2)
+    core = make_core(main_module(config), config)
+    table = register_table(core, config)
+    registers = tuple(Register(f"MORE_{place}", 0x800 + 4 * place, (Field("value", 0, 32, Access.READ, ""),), "")
+                      for place in range(core.interval))
+    long = replace(table, outputs=(Word("out_e0", 32 * core.interval, registers, "", "bits"),))
+    with pytest.raises(ValueError, match=f"^an answer of {core.interval + 1} words takes longer than the interval of "
+                                         f"{core.interval} cycles$"):
+        AxiCore(core.engine, long)
+    assert AxiCore(core.engine, table).stream_interval == core.interval
