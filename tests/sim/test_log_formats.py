@@ -365,13 +365,14 @@ def test_ros2_bag(tmp_path, storage, alone):
     ros_check(path)
 
 
-def test_mcap_of_ros1(tmp_path):
-    from mcap.writer import Writer
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_mcap_of_ros1(tmp_path, compression):
+    from mcap.writer import CompressionType, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     with (tmp_path / "one.mcap").open("wb") as file:
-        writer = Writer(file)
+        writer = Writer(file, compression=CompressionType[compression], chunk_size=4000)
         writer.start()
         channels = {}
         for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
@@ -381,6 +382,9 @@ def test_mcap_of_ros1(tmp_path):
             writer.add_message(channels[topic], stamp, bytes(store.serialize_ros1(message, kind)), stamp)
         writer.finish()
     ros_check(tmp_path / "one.mcap")
+    # A file that was cut off has its first chunks.
+    (tmp_path / "one.mcap").write_bytes((tmp_path / "one.mcap").read_bytes()[:9000 if compression == "NONE" else 900])
+    assert 2 <= len(read_recording(tmp_path / "one.mcap").time_s) < COUNT
 
 
 def test_ros_bag_without_imu_is_refused(tmp_path):

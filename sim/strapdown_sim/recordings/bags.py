@@ -14,7 +14,10 @@ message                           stream
 Time is that of the header, or of the log where the header has none.
 """
 
+import importlib
+import io
 import sqlite3
+import sys
 
 import numpy as np
 
@@ -108,23 +111,64 @@ def _sqlite(path):
     base.close()
 
 
+SCHEMA, CHANNEL, MESSAGE, CHUNK = 3, 4, 5, 6
+"""Kinds of records of MCAP."""
+
+
 def _mcap(path):
-    """Messages of an MCAP file of ROS 2 (cdr) or ROS 1."""
+    """Messages of an MCAP file of ROS 2 (cdr) or ROS 1, in the order of the file; its index is not needed."""
     from rosbags.typesys import Stores, get_typestore
 
-    reader = needed(path, "MCAP", "mcap.reader")
     new, old = get_typestore(Stores.LATEST), get_typestore(Stores.ROS1_NOETIC)
+    schemas, channels = {}, {}
     with path.open("rb") as file:
-        for schema, channel, message in reader.make_reader(file).iter_messages():
-            if schema is None:
-                continue
-            kind = schema.name if "/msg/" in schema.name else schema.name.replace("/", "/msg/")
-            if not _wanted(kind):
-                continue
-            if channel.message_encoding == "cdr":
-                yield channel.topic, kind, message.log_time, new.deserialize_cdr(message.data, kind)
-            elif channel.message_encoding == "ros1":
-                yield channel.topic, kind, message.log_time, old.deserialize_ros1(message.data, kind)
+        file.seek(len(MCAP_MAGIC))
+        for kind, body in _records(file):
+            number = int.from_bytes(body[:2], "little")
+            if kind == SCHEMA:
+                name, _ = _string(body, 2)
+                schemas[number] = name if "/msg/" in name else name.replace("/", "/msg/")
+            elif kind == CHANNEL:
+                topic, at = _string(body, 4)
+                channels[number] = schemas.get(int.from_bytes(body[2:4], "little"), ""), topic, _string(body, at)[0]
+            elif kind == MESSAGE and number in channels:
+                schema, topic, encoding = channels[number]
+                if _wanted(schema) and encoding in ("cdr", "ros1"):
+                    read = new.deserialize_cdr if encoding == "cdr" else old.deserialize_ros1
+                    yield topic, schema, int.from_bytes(body[6:14], "little"), read(body[22:], schema)
+
+
+def _records(file):
+    """Kind and content of the records of an MCAP file, and of those in its chunks."""
+    while len(head := file.read(9)) == 9:
+        kind, length = head[0], int.from_bytes(head[1:], "little")
+        if kind not in (SCHEMA, CHANNEL, MESSAGE, CHUNK):
+            file.seek(length, io.SEEK_CUR)
+            continue
+        body = file.read(length)
+        if len(body) < length:
+            # The logger was switched off.
+            return
+        if kind == CHUNK:
+            compression, at = _string(body, 28)
+            yield from _records(io.BytesIO(_decompressed(compression, body[at + 8:])))
+        else:
+            yield kind, body
+
+
+def _string(body, at):
+    """A string of a record, and the place after it."""
+    end = at + 4 + int.from_bytes(body[at:at + 4], "little")
+    return body[at + 4:end].decode(), end
+
+
+def _decompressed(compression, data):
+    if compression == "lz4":
+        return importlib.import_module("lz4.frame").decompress(data)
+    if compression == "zstd":
+        module = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
+        return importlib.import_module(module).decompress(data)
+    return data
 
 
 def _stamps(messages):
