@@ -221,6 +221,8 @@ class TunableConfig(Config):
     def _tunable(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         if unknown := [name for name in names if name not in cls.tunable]:
             raise ValueError(f"must name parameters of the filter ({unknown[0]} is unknown)")
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"must name each parameter once ({twice[0]} stands twice)")
         return names
 
     def constant_inputs(self) -> dict[str, float]:

@@ -7,6 +7,7 @@ import pytest
 from amaranth.sim import Simulator
 
 from strapdown.bus import Access, Field, Register, Word
+from strapdown.config import ConfigError
 from strapdown.cores import FLIGHT, QUATERNION_J2, THESIS, AxiCore, axi_core, main_module, make_core, register_table
 
 SAMPLES = 3
@@ -106,3 +107,8 @@ def test_answers_must_fit_between_the_updates_of_several_channels():
                                          f"{core.interval} cycles$"):
         AxiCore(core.engine, long)
     assert AxiCore(core.engine, table).stream_interval == core.interval
+
+
+def test_a_parameter_that_is_named_twice():
+    with pytest.raises(ConfigError, match=r"inputs must name each parameter once \(gyro_range stands twice\)"):
+        FLIGHT.replace(inputs="gyro_range,gyro_range")

@@ -17,8 +17,8 @@ from strapdown.ip.scripts import tcl_word
 from .packages import memory_map, schema
 
 FILES = {
-    "README.md", "component.xml", "example.tcl", "fusesoc_generator.py", "generator.core", "ise.tcl", "package_ip.tcl",
-    "strapdown.core", "bench/QUAT_direct_axi_tb.hex", "bench/QUAT_direct_axi_tb.v",
+    "LICENSE", "README.md", "component.xml", "example.tcl", "fusesoc_generator.py", "generator.core", "ise.tcl",
+    "package_ip.tcl", "strapdown.core", "bench/QUAT_direct_axi_tb.hex", "bench/QUAT_direct_axi_tb.v",
     "constraints/QUAT_direct_axi_ooc.xdc", "drivers/QUAT_direct_axi_v1_0/data/QUAT_direct_axi.mdd",
     "drivers/QUAT_direct_axi_v1_0/data/QUAT_direct_axi.tcl", "drivers/QUAT_direct_axi_v1_0/src/Makefile",
     "drivers/QUAT_direct_axi_v1_0/src/QUAT_direct_axi.h", "drivers/QUAT_direct_axi_v1_0/src/strapdown.c",

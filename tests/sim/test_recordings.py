@@ -79,7 +79,7 @@ def replaced(line, column, value):
      "column 'Gyroscope X': unit 'furlong' is not known; units are deg/s, rad/s, mdeg/s, mrad/s, in parentheses after "
      "the name, or after a colon in --columns gyro_x=Gyroscope X (furlong):deg/s"),
     ([name.split(" (")[0] for name in header()], rows(),
-     "column 'Time': unit 'missing' is not known; units are s, ms, us, ns, min, in parentheses after the name, or "
+     "column 'Time' has no unit; units are s, ms, us, ns, min, in parentheses after the name, or "
      "after a colon in --columns time=Time:ms"),
     ([*header()[:3], "Gyroscope Z (rad/s)", *header()[4:]], rows(), "Gyroscope axes have units deg/s, deg/s, rad/s; "
                                                                     "use one for all"),
@@ -139,7 +139,7 @@ def test_a_reference_that_does_not_go_with_an_export_is_refused(file, tmp_path, 
 
 
 @pytest.mark.parametrize(("data", "message"), [
-    (b"\x7fELF\0\0\1", "not a log of a known format; they are NumPy archive, "),
+    (b"\x7fELF\0\0\1", "not a log of a known format; known are NumPy archive, "),
     (b"", "the file is empty"),
 ])
 def test_a_file_of_another_kind_is_refused(tmp_path, data, message):

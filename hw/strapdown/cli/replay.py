@@ -129,7 +129,7 @@ def _print_summary(summary, output):
             rows.append((f"updates with status: {name.replace('_', ' ')}", f"{count:,}"))
     if recorded := summary.get("against_recorded_reference_deg"):
         known = "" if recorded["heading_known"] or recorded["constant_heading_deg"] is None else (
-            f" (heading up to a constant of {recorded['constant_heading_deg']:.2f}°; with it RMS "
+            f" (after turning the log's heading by {recorded['constant_heading_deg']:.2f}°; as logged RMS "
             f"{recorded['total_rms_with_constant_heading']:.2f}°)")
         angles = ", ".join(f"{name} {_figure(recorded[key], '.2f', '°')}" for name, key in (
             ("RMS", "total_rms"), ("inclination", "inclination_rms"), ("heading", "heading_rms")))

@@ -24,11 +24,27 @@ CONTROL, INTERRUPT_FLAGS, INPUTS, OUTPUTS = 0x010, 0x01C, 0x100, 0x400
 INTERRUPTS = {
     "finish": "an update has finished",
     "refused": "an update was refused; outputs and state did not change",
-    "overrun": "a start was ignored, because the core was busy or the stream was on",
+    "overrun": "a start was ignored, because the core was busy, or the streams, if any, were on",
     "bad_access": "an access to an address without a register, or a write to a register that cannot be written",
     "bad_frame": "a piece of a sample was dropped: TLAST was not at the end of a sample, or TID changed inside it",
 }
 """Fields of the interrupt registers, lowest bit first, and their meanings."""
+
+STATUS = {
+    "accelerometer_missing": "the accelerometer sample had no length, and was not used",
+    "magnetometer_missing": "the magnetometer sample had no length, or was not valid, and was not used",
+    "starting": "the gains are still raised after the start",
+    "at_rest": "the body was at rest: the bias was learnt from the average of the gyro",
+    "magnetometer_rejected": "there was a field, but its weight was zero",
+    "range_exceeded": "rate or specific force beyond the range, or a period outside 0 to 0.1 s",
+    "aligning": "the coarse alignment runs",
+    "navigating": "position, velocity and attitude are those of the navigator",
+    "out_of_range": "an input or a state was outside the range of the equations",
+    "refused": "a number was NaN or infinite: outputs and state did not change",
+    "ignored": "a start came while an update ran, and was ignored",
+    "restarted": "the update began from the reset state, after updates that were refused in a row",
+}
+"""Meanings of the status bits of the cores; a core of a user's own may have others."""
 
 STREAM_FIELDS = ("stream", "streaming", "bad_frame")
 """Fields that only a table of a core with streams has."""
@@ -112,7 +128,7 @@ def _common(core, crc, streams):
     engine = core.engine
     several = engine.channels > 1
     channel = exact_log2(engine.channels)
-    status = tuple(Field(name, bit, 1, Access.READ, name.replace("_", " "))
+    status = tuple(Field(name, bit, 1, Access.READ, STATUS.get(name, name.replace("_", " ")))
                    for bit, name in enumerate(engine.status_names))
     registers = [
         whole(0x000, "IDENTITY", Access.CONSTANT, f"{IDENTITY.decode()} in ASCII, the first letter in the lowest byte",
@@ -121,11 +137,11 @@ def _common(core, crc, streams):
         whole(0x008, "CONFIGURATION", Access.CONSTANT, "CRC-32 of the configuration and the ports", crc),
         whole(0x00C, "SCRATCH", Access.WRITE, "keeps what was written, for tests of the bus"),
         Register("CONTROL", CONTROL, fields(
-            Field("start", 0, 1, Access.PULSE, "starts an update with the inputs of the table"),
-            Field("snapshot", 1, 1, Access.PULSE, "copies the outputs of the last update to the table"),
+            Field("start", 0, 1, Access.PULSE, "starts an update with the inputs of the registers"),
+            Field("snapshot", 1, 1, Access.PULSE, "copies the outputs of the last update to the registers"),
             Field("stream", 2, 1, Access.WRITE, "samples come from the stream, and not from start"),
             Field("core_reset", 3, 1, Access.PULSE,
-                  "resets the core and the streams, but not the table; a start in the same write is an overrun"),
+                  "resets the core, with its streams, but not the registers; a start in the same write is an overrun"),
         ), "commands"),
         Register("STATUS", 0x014, fields(
             Field("busy", 0, 1, Access.READ, "an update runs; a start would be ignored"),
@@ -139,7 +155,7 @@ def _common(core, crc, streams):
         *([Register("CHANNEL", 0x02C, (
             Field("value", 0, channel, Access.WRITE, "channel of the sample that start takes"),),
             "channel of the sample that start takes")] if several else []),
-        whole(0x030, "SNAPSHOT_UPDATE", Access.READ, "number of the update whose outputs stand in the table"),
+        whole(0x030, "SNAPSHOT_UPDATE", Access.READ, "number of the update whose outputs stand in the registers"),
         Register("SNAPSHOT_STATUS", 0x034, status, "status of this update"),
         *([Register("SNAPSHOT_CHANNEL", 0x038, (
             Field("value", 0, channel, Access.READ, "channel of this update"),), "channel of this update")]

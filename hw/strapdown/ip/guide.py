@@ -17,13 +17,6 @@ from .page import register_tables
 
 __all__ = ["guide_text", "handshake_wave"]
 
-STATUS = {
-    "refused": "a number was NaN or infinite: outputs and state did not change",
-    "ignored": "a start came while an update ran, and was ignored",
-    "restarted": "the update began from the reset state, after updates that were refused in a row",
-}
-"""Meanings of the status bits that the engines add."""
-
 LIMITS = {
     "INS_top": (
         "The accelerometer stands for the vertical: a long acceleration tilts the estimate towards the specific force.",
@@ -89,6 +82,7 @@ def guide_text(config: Config, bus: Top, *, picture: str, wave: str | None = Non
         f"This page is generated. It describes the core itself and `{table.name}`, the core behind AXI4-Lite"
         f"{' and AXI4-Stream' * bus.component.streams}.",
         "## What it computes", "\n".join(_equations(engine)),
+        "## Configuration", _configuration(config),
         "## Block diagram", f"![Blocks of {table.name}]({picture})",
         "## Ports of the core", _ports(core),
         "## Ports of the core behind AXI", _ports(bus),
@@ -98,11 +92,20 @@ def guide_text(config: Config, bus: Top, *, picture: str, wave: str | None = Non
         "## Latency and rate", _rate(config, engine),
         "## Number format and accuracy", _accuracy(engine.program.format, accuracy),
         "## Resources and clock frequency", _resources(figures),
-        "## Errors", _errors(engine),
+        "## Errors", _errors(engine, table),
         "## Limits", "\n".join(f"- {limit}" for limit in (*LIMITS.get(name.partition("_x")[0], ()), *COMMON_LIMITS)),
         "## Changes", f"Version {version('strapdown')}. CHANGELOG.md of the project lists the changes.",
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _configuration(config):
+    """A table of all fields, with their meanings where they have one."""
+    fields = type(config).model_fields
+    return markdown_table(["field", "value", "meaning"], [
+        [f"`{name}`", ", ".join(value) if isinstance(value, tuple) else value,
+         (fields[name].description if name in fields else None) or "–"]
+        for name, value in config.values.items() if name not in ("name", "description")])
 
 
 def _sentence(text):
@@ -156,14 +159,14 @@ def _accuracy(fmt, accuracy):
     text = (f"All data ports have the format {fmt.name}. Every operation rounds to nearest even; subnormal numbers are "
             f"{'kept' if fmt.gradual else 'flushed to zero'}. The circuit equals its software twin in every bit.")
     if not accuracy:
-        return f"{text} The difference from float64 was not measured for this configuration."
+        return f"{text} The guides in the documents of the project have measured differences from float64."
     return f"{text} The twin against the same equations in float64:\n\n" + markdown_table(
         ["quantity", "largest difference:", "RMS:"], accuracy)
 
 
 def _resources(figures):
     if figures is None:
-        return "Not measured."
+        return "The guides in the documents of the project have measured figures."
     xc7, ecp5 = figures["xc7"], figures.get("ecp5")
     rows = [["LUT, 7 series, Yosys", f"{xc7['lut']:,}"], ["flip-flops, 7 series", f"{xc7['ff']:,}"],
             ["DSP48E1", xc7["dsp"]], ["block RAM of 36 kbit", f"{xc7['bram']:g}"]]
@@ -172,7 +175,6 @@ def _resources(figures):
     return markdown_table(["figure of the core without AXI", "value:"], rows)
 
 
-def _errors(engine):
-    bits = [[bit, f"`{name}`", STATUS.get(name, name.replace("_", " "))]
-            for bit, name in enumerate(engine.status_names)]
+def _errors(engine, table):
+    bits = [[field.low, f"`{field.name}`", field.meaning] for field in table["SNAPSHOT_STATUS"].fields]
     return f"Bits of `{engine.system.status_port}`:\n\n" + markdown_table(["bit:", "name", "meaning"], bits)

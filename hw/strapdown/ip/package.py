@@ -1,5 +1,6 @@
 """The files of a package, and their places in its folder."""
 
+from importlib.metadata import distribution
 from importlib.resources import files
 from pathlib import Path
 
@@ -71,7 +72,9 @@ def write_package(top: Top, config: Config, directory: Path, *, command: str) ->
         **{f"registers/{file}": text for file, text in register_files(table).items()},
         **{f"linux/{file}": text for file, text in linux_files(table).items()},
         **({places.peakrdl: peakrdl.text(rdl.text(table), places.vlnv)} if peakrdl.installed() else {}),
-        **scripts(top, places, command), **bench(top, config, places), **drivers}
+        **scripts(top, places, command), **bench(top, config, places), **drivers,
+        # The metadata of the package have it also in an installation.
+        "LICENSE": distribution("strapdown").read_text("licenses/LICENSE") or ""}
     with written_together(directory) as partial:
         write(top, partial / places.hdl, command=command, config=config)
         for file, text in texts.items():

@@ -8,6 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from strapdown.ascii import ascii_text
 from strapdown.bus import TABLE_SIZE
 
+from . import peakrdl
 from .component import BUSES, FAMILIES, interfaces
 from .memory_map import ACCESS, BLOCK
 
@@ -58,6 +59,7 @@ def scripts(top, places, command) -> dict[str, str]:
         "address": ADDRESS, "block": BLOCK, "size": TABLE_SIZE, "registers": table.registers, "access": ACCESS,
         "families": FAMILIES, "buses": buses, "streams": len(buses) > 1,
         "configuration": table.configuration, "title": top.component.title, "command": command,
+        "peakrdl": peakrdl.installed(),
         "display": f"{places.name}: {table.title}",
         "description": f"{top.component.title}. Configuration {table.configuration}."}
     return {path: filled(template, **values) for path, template in {

@@ -21,7 +21,7 @@ class SimulatorMissingError(RuntimeError):
 def run_tool(command, *, environment=None, directory=None):
     """Run a tool to its end, and return its standard output. Raises: ToolError if it fails."""
     result = subprocess.run([os.fspath(part) for part in command], env=environment, cwd=directory,
-                            capture_output=True, text=True, check=False)
+                            capture_output=True, encoding="utf-8", errors="replace", check=False)
     if result.returncode:
         raise ToolError(Path(command[0]).name, result.returncode, result.stdout + result.stderr)
     return result.stdout

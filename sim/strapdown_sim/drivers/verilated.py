@@ -132,7 +132,8 @@ class VerilatedModel:
         (partial / "main.cpp").write_text(driver, encoding="utf-8")
         (partial / "probes.vlt").write_text("`verilator_config\n" + self.interface.access(), encoding="utf-8")
         root = verilator_root()
-        run_tool([root / "bin" / "verilator", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
+        # The script beside it does not quote its own path, which may have spaces.
+        run_tool([root / "bin" / "verilator_bin", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
                   "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
                   verilog],
                  environment=verilator_environment())

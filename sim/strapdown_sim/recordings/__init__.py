@@ -116,7 +116,7 @@ def read_log(path: str | os.PathLike, **options: Any) -> Log:
         if form is None:
             known = ", ".join(form.name for form in FORMATS)
             raise RecordingError(f"{path}: " + ("the file is empty" if path.is_file() and not head else
-                                                f"not a log of a known format; they are {known}"))
+                                                f"not a log of a known format; known are {known}"))
         for name in given:
             if name not in form.options:
                 raise RecordingError(f"{path}: {REFUSALS[name]}")

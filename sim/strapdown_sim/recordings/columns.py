@@ -228,7 +228,7 @@ def scaled(table: Table, columns: Sequence[Column], units: Mapping[str, str] | N
         if known is None:
             axis = f"_{column.axis}" if column.axis else ""
             raise RecordingError(
-                f"{table.path}: column {_name(column)!r}: unit {unit or 'missing'!r} is not known; units are "
+                f"{table.path}: column {_name(column)!r}{_unknown(unit)}; units are "
                 f"{listed(kind)}, in parentheses after the name, or after a colon in --columns "
                 f"{kind}{axis}={table.header[column.number].strip()}:{_EXAMPLE[kind]}")
         found.append(known)
@@ -255,9 +255,9 @@ def seconds(table: Table, column: Column, origin: float | None = None) -> np.nda
         written = next((name for size, name in sizes.items() if 0.3 * size < first < 10 * size), None)
     known = factor(TIME, written) if written is not None else None
     if known is None:
-        raise RecordingError(f"{table.path}: column 'Time': unit {written or 'missing'!r} is not known; units are "
-                             f"{listed(TIME)}, in parentheses after the name, or after a colon in --columns "
-                             f"time={table.header[column.number].strip()}:ms")
+        name = table.header[column.number].strip()
+        raise RecordingError(f"{table.path}: column {name!r}{_unknown(written)}; units are {listed(TIME)}, in "
+                             f"parentheses after the name, or after a colon in --columns time={name}:ms")
     if abs(first * known[0]) > EPOCH_S:
         values = values - (first if origin is None else origin)
     return known[0] * values
@@ -278,3 +278,8 @@ def streams_of(table: Table, columns: Columns, time_s: np.ndarray, *, units: Map
             values, unit = scaled(table, columns.of[kind], units)
             streams.append(Stream(kind, name or columns.of[kind][0].source, time_s, values, unit))
     return streams
+
+
+def _unknown(unit):
+    """What is wrong with a unit, for a message."""
+    return f": unit {unit!r} is not known" if unit else " has no unit"

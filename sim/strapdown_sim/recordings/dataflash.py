@@ -75,7 +75,8 @@ def read_dataflash(path):
     messages, skipped = _binary(data) if data.startswith(START) else _text(data)
     streams = _streams(messages)
     if not any(stream.kind == GYRO for stream in streams):
-        raise RecordingError(f"{path}: the log has no IMU messages; set the IMU bits of LOG_BITMASK")
+        raise RecordingError(f"{path}: the log has no IMU messages; set the IMU bits of LOG_BITMASK, unless the "
+                             "file is cut off")
     notes = (f"{skipped:,} bytes that are no message, left out",) if skipped else ()
     return Log(path, "DataFlash", tuple(streams), notes=notes)
 

@@ -61,8 +61,7 @@ def read_ulog(path):
     streams = _Streams(topics).all()
     if not any(stream.kind == GYRO for stream in streams):
         raise RecordingError(f"{path}: the log has none of the topics sensor_combined, vehicle_imu and sensor_gyro; "
-                             "set "
-                             "SDLOG_PROFILE so that PX4 logs one")
+                             "set SDLOG_PROFILE so that PX4 logs one, unless the file is cut off")
     lost = [dropout.duration for dropout in log.dropouts]
     notes = (f"the logger dropped out {len(lost)} times, {sum(lost) / 1000:.3g} s in all",) if lost else ()
     return Log(path, "ULog", tuple(streams), notes=notes)
