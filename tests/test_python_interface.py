@@ -31,4 +31,4 @@ def test_the_page_runs_from_top_to_bottom(root, tmp_path):
 def test_the_page_on_buses_runs(root, tmp_path):
     (code,) = re.findall(r"```python\n(.*?)```", (root / "docs" / "bus.md").read_text(encoding="utf-8"), re.DOTALL)
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.stdout == "INS_top_axi 0x100 starts an update with the inputs of the table\n", done.stderr
+    assert done.stdout == "INS_top_axi 0x100 starts an update with the inputs of the registers\n", done.stderr

@@ -14,6 +14,9 @@ def without_encoding(source):
     """Lines of calls that read, write or open a text file in the encoding of the locale."""
     for call in ast.walk(ast.parse(source)):
         match call:
+            # The metadata of a distribution are UTF-8.
+            case ast.Call(func=ast.Attribute(value=ast.Call(func=ast.Name(id="distribution")), attr="read_text")):
+                continue
             case ast.Call(func=ast.Attribute(attr="read_text" | "write_text")):
                 pass
             case ast.Call(func=ast.Attribute(value=ast.Name(id=owner), attr="open")) if owner in OTHERS:
@@ -47,6 +50,7 @@ def test_text_files_have_an_encoding(root, folder):
     ("path.open('rb')", []),
     ("os.open(name, flags)", []),
     ("device.open(map)", []),
+    ("distribution('strapdown').read_text('LICENSE')", []),
     ("path.open()", [1]),
 ])
 def test_calls_without_an_encoding_are_found(source, lines):

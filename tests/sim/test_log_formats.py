@@ -98,7 +98,7 @@ def test_ulog_with_integrated_samples(tmp_path):
 
 def test_ulog_without_a_gyro_is_refused(tmp_path):
     topics = {"vehicle_attitude": px4()["vehicle_attitude"]}
-    with pytest.raises(RecordingError, match=r"none of the topics sensor_combined, .*; set SDLOG_PROFILE"):
+    with pytest.raises(RecordingError, match=r"none of the topics sensor_combined, .*; set SDLOG_PROFILE .* cut off$"):
         read_recording(ulog(tmp_path / "flight", topics))
     (tmp_path / "bad.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
     with pytest.raises(RecordingError, match="not a ULog file that can be read"):
@@ -186,7 +186,7 @@ def test_dataflash_as_text(tmp_path):
 
 
 def test_dataflash_without_imu_is_refused(tmp_path):
-    with pytest.raises(RecordingError, match=r"the log has no IMU messages; set the IMU bits of LOG_BITMASK$"):
+    with pytest.raises(RecordingError, match=r"no IMU messages; set .* LOG_BITMASK, unless the file is cut off$"):
         read_recording(dataflash(tmp_path / "log", [("MSG", 1, b"hello")]))
 
 
