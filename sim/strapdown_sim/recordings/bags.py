@@ -79,22 +79,22 @@ def _ros1(path):
     from rosbags.rosbag1 import Reader
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC)
-    with Reader(path) as reader:
-        wanted = [each for each in reader.connections if _wanted(each.msgtype)]
-        for connection, time_ns, raw in reader.messages(connections=wanted) if wanted else ():
-            yield connection.topic, connection.msgtype, time_ns, store.deserialize_ros1(raw, connection.msgtype)
+    return _bag(Reader(path), get_typestore(Stores.ROS1_NOETIC).deserialize_ros1)
 
 
 def _ros2(path):
     from rosbags.rosbag2 import Reader
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.LATEST)
-    with Reader(path) as reader:
+    return _bag(Reader(path), get_typestore(Stores.LATEST).deserialize_cdr)
+
+
+def _bag(reader, deserialize):
+    """The wanted messages of a reader of rosbags: topic, type, time, message."""
+    with reader:
         wanted = [each for each in reader.connections if _wanted(each.msgtype)]
         for connection, time_ns, raw in reader.messages(connections=wanted) if wanted else ():
-            yield connection.topic, connection.msgtype, time_ns, store.deserialize_cdr(raw, connection.msgtype)
+            yield connection.topic, connection.msgtype, time_ns, deserialize(raw, connection.msgtype)
 
 
 def _sqlite(path):
