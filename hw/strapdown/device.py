@@ -133,6 +133,11 @@ class Driver:
         if width:
             self._put("CHANNEL", channel)
 
+    @property
+    def status_names(self) -> tuple[str, ...]:
+        """Names of the status bits, lowest first."""
+        return tuple(self.map.FIELDS["SNAPSHOT_STATUS"])
+
     def start(self, sample: Mapping[str, ArrayLike]) -> None:
         """Start an update with a sample: port to number.
 

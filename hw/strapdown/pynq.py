@@ -65,11 +65,6 @@ class Attitude(DefaultIP, Driver):
                 answers[block] = self._transfer(samples[block], answers[block].shape, dma)
         return from_words(self.map.OUTPUTS, answers[:, :-1]), answers[:, -1]
 
-    @property
-    def status_names(self) -> tuple[str, ...]:
-        """Names of the status bits, lowest first."""
-        return tuple(self.map.FIELDS["SNAPSHOT_STATUS"])
-
     @contextmanager
     def _streaming(self):
         """Context manager: the core takes its samples from the stream."""

@@ -9,7 +9,7 @@ from strapdown.ip.diagram import block_diagram
 from strapdown.ip.guide import guide_text, handshake_wave
 from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT
-from strapdown_lab.studies.number_format import accuracy_rows
+from strapdown_lab.studies.number_format import accuracy_rows, core_configs
 from strapdown_lab.waves import write_wave
 
 __all__ = ["guided_configs", "index_table", "write_guides"]
@@ -17,7 +17,7 @@ __all__ = ["guided_configs", "index_table", "write_guides"]
 
 def guided_configs():
     """Configurations whose main module has equations; the others have a page of their own in docs."""
-    return [config for config in CONFIGS.values() if main_module(config) not in config.assemblies()]
+    return [CONFIGS[config.name] for config in core_configs()]
 
 
 def write_guides(folder: Path, make_core: Callable = make_core) -> Iterator[Path]:

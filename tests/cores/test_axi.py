@@ -8,7 +8,18 @@ from amaranth.sim import Simulator
 
 from strapdown.bus import Access, Field, Register, Word
 from strapdown.config import ConfigError
-from strapdown.cores import FLIGHT, QUATERNION_J2, THESIS, AxiCore, axi_core, main_module, make_core, register_table
+from strapdown.cores import (
+    FLIGHT,
+    QUATERNION_J2,
+    QUATERNION_J3,
+    THESIS,
+    AxiCore,
+    QuaternionConfig,
+    axi_core,
+    main_module,
+    make_core,
+    register_table,
+)
 
 SAMPLES = 3
 
@@ -112,3 +123,18 @@ def test_answers_must_fit_between_the_updates_of_several_channels():
 def test_a_parameter_that_is_named_twice():
     with pytest.raises(ConfigError, match=r"inputs must name each parameter once \(gyro_range stands twice\)"):
         FLIGHT.replace(inputs="gyro_range,gyro_range")
+
+
+class Fixed(QuaternionConfig):
+    """A configuration that gives a vector to its inputs."""
+
+    def constant_inputs(self):
+        return {"start": (1.0, 0.0, 0.5, 0.0), "load": 0.25}
+
+
+def test_a_vector_of_the_configuration_goes_to_its_ports():
+    config = Fixed(**{name: getattr(QUATERNION_J3, name) for name in QUATERNION_J3.model_fields_set})
+    table = register_table(make_core(main_module(config), config), config)
+    values = {"IN_E0": 1.0, "IN_E1": 0.0, "IN_E2": 0.5, "IN_E3": 0.0, "IN_LOAD_EN": 0.25, "IN_P": 0.0}
+    assert {name: table[name].reset for name in values} == {
+        name: int(np.float32(value).view(np.uint32)) for name, value in values.items()}

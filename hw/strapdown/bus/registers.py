@@ -207,6 +207,11 @@ class RegisterTable:
         return self.samples + self.parameters
 
     @property
+    def streams(self) -> bool:
+        """Whether samples can come as a stream."""
+        return any(field.name == "stream" for field in self["CONTROL"].fields)
+
+    @property
     def sample_words(self) -> int:
         """Words of 32 bits of a sample in a stream."""
         return sum(len(word.registers) for word in self.samples)

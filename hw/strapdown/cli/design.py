@@ -6,7 +6,6 @@ from pathlib import Path
 import click
 
 from strapdown.design import METHODS, smallest_order
-from strapdown.design.picture import error_picture
 from strapdown.files import written_together
 
 from .common import UserError, writing
@@ -56,6 +55,8 @@ def design_quaternion(rate_max_deg_s, period_s, order, wanted_deg_h, method, out
     for name, dtype in ("binary64", "f8"), ("binary32", "f4"):
         angle, norm = chosen.rounded(dtype).worst()
         click.echo(f"  {name:<14}{angle:>20.3g}{math.degrees(angle) / period_s * 3600:>15.3g}{norm:>18.3g}")
+    from strapdown.design.picture import error_picture
+
     others = [METHODS[name](chosen.order, largest_angle) for name in METHODS if name != method]
     with writing(output), written_together(output.parent) as folder:
         error_picture(folder / output.name, [chosen, *others], period_s=period_s, highlighted=chosen)

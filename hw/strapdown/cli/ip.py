@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
+from strapdown.bus import ERROR_RESPONSES
 from strapdown.cores import axi_core
-from strapdown.ip import peakrdl, write_package
 
 from .common import DEFAULT, UserError, changed, command_line, configured, named_configuration, writing
 
@@ -18,7 +18,7 @@ __all__ = ["ip"]
               help="Change a field of the configuration, as in --set kp=1. May be repeated.")
 @click.option("--no-streams", "streams", is_flag=True, default=True, flag_value=False,
               help="Leave out the AXI4-Streams of samples and answers.")
-@click.option("--errors", type=click.Choice(["slverr", "okay"]), default="slverr", show_default=True,
+@click.option("--errors", type=click.Choice(list(ERROR_RESPONSES)), default="slverr", show_default=True,
               help="Answer to an access that the registers do not permit. okay: for a processor that stops at slverr.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=None,
               help="Folder to write to.  [default: build/ip/CONFIG]")
@@ -28,6 +28,8 @@ def ip(target, changes, streams, errors, output):
     The package has the Verilog, the component that Vivado's IP catalogue reads, scripts for Vivado and ISE, the
     registers in several languages, a driver, and a bench. Two runs give equal bytes.
     """
+    from strapdown.ip import peakrdl, write_package
+
     config = changed(named_configuration(target), changes)
     try:
         top = axi_core(config, streams=streams, error_response=errors)

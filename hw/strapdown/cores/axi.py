@@ -96,7 +96,7 @@ class AxiCore(Wrapper):
 
     def __init__(self, engine, table, *, error_response="slverr"):
         self._table, self._error_response = table, error_response
-        self._streams = any(field.name == "stream" for field in table["CONTROL"].fields)
+        self._streams = table.streams
         # The registers of a sample can also be loaded by the stream.
         samples = [register.name for word in table.samples for register in word.registers]
         self._slave = AxiLiteSlave(table, ("INTERRUPT_FLAGS", "bad_access"), error_response=error_response,

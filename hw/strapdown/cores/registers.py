@@ -4,16 +4,17 @@ import json
 import zlib
 from itertools import count
 
+import numpy as np
 from amaranth.lib.wiring import In
 from amaranth.utils import exact_log2
 
 from strapdown.bus import CYCLES_BITS, MAP_VERSION, REGISTER_BITS, Access, Field, Register, RegisterTable, Word
 from strapdown.config import Config
-from strapdown.kernel.system import leaves
+from strapdown.kernel.system import System, leaves
 
 from .core import Core
 
-__all__ = ["IDENTITY", "register_table"]
+__all__ = ["IDENTITY", "constant_ports", "register_table"]
 
 IDENTITY = b"STRP"
 """First bytes of each table, in ASCII, in the order of their addresses."""
@@ -67,8 +68,7 @@ def register_table(core: Core, config: Config, *, streams: bool = True) -> Regis
     parameters = {port for name in getattr(config, "inputs", ()) for port in _ports_of(system, name)}
     meanings = {port.name: port for port in core.ports}
     number = core.engine.program.format
-    resets = {port: number.encode(value) for name, value in config.constant_inputs().items() if name in system.inputs
-              for port in _ports_of(system, name)}
+    resets = {port: number.encode(value) for port, value in constant_ports(system, config).items()}
     addresses = {In: count(INPUTS, REGISTER_BITS // 8), None: count(OUTPUTS, REGISTER_BITS // 8)}
 
     def words(names, flow, access):
@@ -81,6 +81,12 @@ def register_table(core: Core, config: Config, *, streams: bool = True) -> Regis
         samples=words(samples, In, Access.WRITE),
         parameters=words([name for name in system.input_ports if name in parameters], In, Access.WRITE),
         outputs=words(system.output_ports, None, Access.READ))
+
+
+def constant_ports(system: System, config: Config) -> dict[str, float]:
+    """Maps each input port to its number, for the inputs that ``config.constant_inputs()`` names."""
+    return {port: value for name, values in config.constant_inputs().items() if name in system.inputs
+            for port, value in zip(leaves(system.inputs[name]), np.ravel(values).tolist(), strict=True)}
 
 
 def _word(port, addresses, access, number, value):

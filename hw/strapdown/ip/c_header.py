@@ -116,7 +116,7 @@ def _map(table):
     status = f"{table.name}_SNAPSHOT_STATUS_REFUSED_MASK".upper()
     members = [f".configuration = {table.name.upper()}_CONFIGURATION_VALUE", f".refused = {status}",
                *row("samples", table.samples), *row("parameters", table.parameters), *row("outputs", table.outputs)]
-    if any(field.name == "stream" for field in table["CONTROL"].fields):
+    if table.streams:
         members.append(f".stream = {table.name.upper()}_CONTROL_STREAM_MASK")
     for register in table.common:
         if register.name == "CHANNEL":

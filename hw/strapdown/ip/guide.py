@@ -89,7 +89,7 @@ def guide_text(config: Config, bus: Top, *, picture: str, wave: str | None = Non
         "## Registers", register_tables(table, 3).strip(),
         *(("## Streams", _streams(table)) if bus.component.streams else ()),
         "## Timing", f"{_timing(engine)}\n\n{drawn}",
-        "## Latency and rate", _rate(config, engine),
+        "## Latency and rate", _rate(config, bus.component),
         "## Number format and accuracy", _accuracy(engine.program.format, accuracy),
         "## Resources and clock frequency", _resources(figures),
         "## Errors", _errors(engine, table),
@@ -143,10 +143,10 @@ def _timing(engine):
             f"inputs. `{system.finish}` rises {engine.latency} cycles later, in every update, with the outputs.")
 
 
-def _rate(config, engine):
-    program = engine.program
-    rows = [["cycles from start to finish", engine.latency],
-            ["cycles from one start to the next", getattr(engine, "interval", engine.latency)],
+def _rate(config, core):
+    program = core.program
+    rows = [["cycles from start to finish", core.latency],
+            ["cycles from one start to the next", core.interval],
             ["words of the microprogram", program.length],
             ["operations of an update", sum(program.schedule.graph.count().values())],
             ["updates per second that the configuration is made for", f"{config.sample_rate_hz:g}"]]

@@ -64,14 +64,15 @@ def write_package(top: Top, config: Config, directory: Path, *, command: str) ->
     Raises: OSError if the files cannot be written; then no file has changed.
     """
     table, places = top.component.table, Places(top.component.name)
-    sources = driver_files(table) | {f"{table.name}.h": c_header.text(table)}
+    registers = register_files(table)
+    sources = driver_files(table) | {f"{table.name}.h": registers[f"{table.name}.h"]}
     drivers = {f"{places.sources}/{file}": text for file, text in sources.items()} | driver_description(places, sources)
     texts = {
         places.component: component(top, places, drivers),
         places.guide: guide_text(config, top, picture=Path(places.blocks).name),
-        **{f"registers/{file}": text for file, text in register_files(table).items()},
+        **{f"registers/{file}": text for file, text in registers.items()},
         **{f"linux/{file}": text for file, text in linux_files(table).items()},
-        **({places.peakrdl: peakrdl.text(rdl.text(table), places.vlnv)} if peakrdl.installed() else {}),
+        **({places.peakrdl: peakrdl.text(registers[f"{table.name}.rdl"], places.vlnv)} if peakrdl.installed() else {}),
         **scripts(top, places, command), **bench(top, config, places), **drivers,
         # The metadata of the package have it also in an installation.
         "LICENSE": distribution("strapdown").read_text("licenses/LICENSE") or ""}

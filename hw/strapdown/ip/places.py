@@ -1,14 +1,10 @@
 """The name of a core among other people's cores, and the places of the files in its package."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from strapdown.bus import MAP_VERSION
 
-__all__ = ["DRIVER", "Places", "Vlnv"]
-
-DRIVER = Path(__file__).parent / "driver"
-"""Folder of the sources of the driver that all cores share."""
+__all__ = ["Places", "Vlnv"]
 
 
 @dataclass(frozen=True)
@@ -88,11 +84,6 @@ class Places:
     def blocks(self):
         """Its block diagram."""
         return f"doc/{self.name}.svg"
-
-    @property
-    def page(self):
-        """Documentation of the registers."""
-        return f"registers/{self.name}.md"
 
     @property
     def peakrdl(self):

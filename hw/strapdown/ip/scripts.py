@@ -57,7 +57,7 @@ def scripts(top, places, command) -> dict[str, str]:
     values = {
         "name": places.name, "vlnv": places.vlnv, "places": places, "part": PART, "ise_part": ISE_PART,
         "address": ADDRESS, "block": BLOCK, "size": TABLE_SIZE, "registers": table.registers, "access": ACCESS,
-        "families": FAMILIES, "buses": buses, "streams": len(buses) > 1,
+        "families": FAMILIES, "buses": buses, "streams": table.streams,
         "configuration": table.configuration, "title": top.component.title, "command": command,
         "peakrdl": peakrdl.installed(),
         "display": f"{places.name}: {table.title}",

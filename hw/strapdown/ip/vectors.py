@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.bus import REGISTER_BITS, TABLE_SIZE, Access
-from strapdown.kernel.system import leaves
+from strapdown.bus import ERROR_RESPONSES, REGISTER_BITS, TABLE_SIZE, Access
+from strapdown.cores import constant_ports
 
 __all__ = ["STREAM", "UPDATES", "Op", "Step", "steps"]
 
@@ -27,9 +27,6 @@ SEED = 20150
 """Seed of the inputs."""
 
 WORD = (1 << REGISTER_BITS) - 1
-
-OKAY, SLVERR = 0, 2
-"""Answers of AXI."""
 
 
 class Op(IntEnum):
@@ -132,8 +129,7 @@ class _Bench:
     def _updates(self, config):
         """Random inputs in sizes from 0.1 to 100, in the units of the ports; parameters have their values."""
         rng = np.random.default_rng(SEED)
-        fixed = {port: value for name, values in config.constant_inputs().items() if name in self.system.inputs
-                 for port, value in zip(leaves(self.system.inputs[name]), np.ravel(values), strict=True)}
+        fixed = constant_ports(self.system, config)
         first = next(word.port for word in self.table.samples if word.format != "bits")
         for number in range(1, UPDATES + 1):
             sample = {port: fixed.get(port, rng.normal() * 10 ** rng.uniform(-1, 2))
@@ -211,7 +207,7 @@ class _Bench:
                 self._read(register.name, register.reset)
         self._write("SCRATCH", 0x600D_C0DE)
         self._read("SCRATCH", 0x600D_C0DE)
-        answer = SLVERR if self.core.error_response == "slverr" else OKAY
+        answer = ERROR_RESPONSES[self.core.error_response]
         self.steps += [Step(Op.READ_ANSWER, TABLE_SIZE - 4, mask=answer),
                        Step(Op.WRITE, self.table["IDENTITY"].address, mask=answer)]
         self._flags("bad_access")
