@@ -130,13 +130,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     inputs = port_inputs(recording, config)
     core = make_core(module, config)
     system = core.system
-    timed = _timed(recording, system)
-    if command:
-        inputs_set = (word for name in TIMED_INPUTS if getattr(config, name, False)
-                      for word in ("--set", f"{name}=true"))
-        command = [*command, "--module", module, "--set", f"sample_rate_hz={recording.sample_rate_hz!r}", *inputs_set]
     with written_together(Path(directory)) as partial:
-        model = CoreModel(core, write_core(core, config, partial, shlex.join(command)), build)
+        model = CoreModel(core, write_core(core, config, partial, _command(command, module, config)), build)
         progress("build", 1, 1)
 
         result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
@@ -145,27 +140,11 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         outputs, differing = system.read(result), model.differing_bits(inputs, result)
         progress("compare", 1, 2)
         bits = _status_bits(core.engine, result)
-        status = {name: int(values.sum()) for name, values in bits.items()}
-        summary = {
-            "recording": recording.name,
-            "config": config.name,
-            "samples": count,
-            "sample_rate_hz": recording.sample_rate_hz,
-            "cycles_per_update": core.latency,
-            "microseconds_per_update_at_100_mhz": core.latency / 100,
-            "refused_updates": status.get("refused", 0),
-            "updates_by_status": status,
-            "bits_differing_from_twin": differing,
-        }
-        if recording.timing is not None:
-            summary["time"] = _time_summary(recording.timing, "period" in timed)
-        if recording.notes:
-            summary["notes"] = list(recording.notes)
+        summary = _summary(recording, config, core, count, bits, differing)
         title = f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz"
         if module in REFERENCES:
-            arguments = {_REFERENCE_ARGUMENTS[name]: values for name, values in timed.items()}
-            found = _attitude(recording, config, outputs, REFERENCES[module](config).run(
-                recording.accel, _mag(recording), recording.gyro_deg_s, **arguments), partial, title, summary)
+            truth = _truth(module, config, recording, system)
+            found = _attitude(recording, config, outputs, truth, partial, title, summary)
         else:
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
@@ -217,38 +196,64 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
     system = core.system
     inputs = {port: np.stack([values[port] for values in (_bound(each, config, system) for each in recordings)],
                              axis=1).reshape(-1) for port in system.input_ports}
-    if command:
-        command = [*command, "--module", module, "--set", f"sample_rate_hz={first.sample_rate_hz!r}"]
     with written_together(Path(directory)) as partial:
-        model = StreamModel(core, write_core(core, config, partial, shlex.join(command)), build)
+        model = StreamModel(core, write_core(core, config, partial, _command(command, module, config)), build)
         progress("build", 1, 1)
         result = model.update(np.tile(np.arange(lanes), count), inputs,
                               progress=lambda done: progress("simulate", done // lanes, count))
         progress("compare", 0, 2)
         differing = model.differing_bits(inputs, result)
-        status = {name: int(values.sum()) for name, values in _status_bits(core.engine, result).items()}
-        summary = {"recording": first.name, "config": config.name, "samples": count * lanes,
-                   "sample_rate_hz": first.sample_rate_hz, "cycles_per_update": core.latency,
-                   "microseconds_per_update_at_100_mhz": core.latency / 100,
-                   "refused_updates": status.get("refused", 0), "updates_by_status": status,
-                   "bits_differing_from_twin": differing, "channels": {}}
-        if first.timing is not None:
-            summary["time"] = _time_summary(first.timing, False)
+        summary = _summary(first, config, core, count * lanes, _status_bits(core.engine, result), differing)
+        summary["channels"] = {}
         replays = []
         for channel, recording in enumerate(recordings):
             folder = partial / f"channel_{channel}"
             folder.mkdir()
             rows = result["out_channel"] == channel
             outputs = system.read({port: result[port][rows] for port in system.output_ports})
-            truth = REFERENCES[single](config).run(recording.accel, _mag(recording), recording.gyro_deg_s)
             own: dict = {}
-            replays.append(_attitude(recording, config, outputs, truth, folder, f"{recording.name}: channel {channel} "
-                                                                                "of "
-                                     f"{module}, {recording.sample_rate_hz:g} Hz", own))
+            title = f"{recording.name}: channel {channel} of {module}, {recording.sample_rate_hz:g} Hz"
+            truth = _truth(single, config, recording, system)
+            replays.append(_attitude(recording, config, outputs, truth, folder, title, own))
             summary["channels"][str(channel)] = {"recording": recording.name, **own}
         (partial / "summary.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     progress("compare", 2, 2)
     return replace(replays[0], summary=summary)
+
+
+def _command(command, module, config):
+    """The words of a command line that makes the Verilog of a module again, quoted for a shell; empty for none."""
+    if not command:
+        return ""
+    inputs_set = (word for name in TIMED_INPUTS if getattr(config, name, False) for word in ("--set", f"{name}=true"))
+    return shlex.join([*command, "--module", module, "--set", f"sample_rate_hz={config.sample_rate_hz!r}", *inputs_set])
+
+
+def _summary(recording, config, core, count, bits, differing):
+    """The part of ``summary.json`` that all replays have; ``bits``: the status of ``count`` updates, by name."""
+    status = {name: int(values.sum()) for name, values in bits.items()}
+    summary = {
+        "recording": recording.name,
+        "config": config.name,
+        "samples": count,
+        "sample_rate_hz": recording.sample_rate_hz,
+        "cycles_per_update": core.latency,
+        "microseconds_per_update_at_100_mhz": core.latency / 100,
+        "refused_updates": status.get("refused", 0),
+        "updates_by_status": status,
+        "bits_differing_from_twin": differing,
+    }
+    if recording.timing is not None:
+        summary["time"] = _time_summary(recording.timing, "period" in _timed(recording, core.system))
+    if recording.notes:
+        summary["notes"] = list(recording.notes)
+    return summary
+
+
+def _truth(module, config, recording, system):
+    """The outputs of the independent reference of a module, with the inputs that the system has."""
+    arguments = {_REFERENCE_ARGUMENTS[name]: values for name, values in _timed(recording, system).items()}
+    return REFERENCES[module](config).run(recording.accel, _mag(recording), recording.gyro_deg_s, **arguments)
 
 
 TIMED_INPUTS = {"period_input": "period_s", "mag_valid_input": "mag_new"}

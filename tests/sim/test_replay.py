@@ -138,6 +138,24 @@ def test_several_imus_of_a_log_share_a_core(tmp_path, models):
     assert ends[1] == pytest.approx(360 - 50 * 0.4, abs=0.1)
 
 
+@pytest.mark.verilator
+def test_channels_get_the_period_of_each_sample(tmp_path, models):
+    """Steps of 10 ms and of 5 ms: the core and its reference get them, and the command line says so."""
+    time_s = np.cumsum(np.where(np.arange(40) < 20, 0.01, 0.005))
+    still = np.tile([0, 0, 9.80665], (40, 1))
+    log = Log(Path("two.bin"), "made here", tuple(
+        Stream(kind, name, time_s, np.tile(values, (40, 1)) if kind == "gyro" else still)
+        for name, values in (("one", [0, 0, 50.0]), ("two", [0, 0, -50.0])) for kind in ("gyro", "accel")))
+    config = FLIGHT_6AXIS.replace(channels=2)
+    result = replay_channels(recordings_of(log, 2), config, tmp_path / "out", build=models, command=("strapdown",))
+    assert result.summary["bits_differing_from_twin"] == 0
+    assert result.summary["time"]["each_sample_has_its_period"]
+    for channel in "01":
+        assert result.summary["channels"][channel]["against_float64_reference_deg"]["max"] < LARGEST_DEG
+    verilog = (tmp_path / "out" / "INS_flight_x2.v").read_text(encoding="utf-8")
+    assert "--set period_input=true" in " ".join(verilog.replace("//", " ").split())
+
+
 def test_one_recording_has_no_numbers_for_several_channels():
     recording = turning(np.full(20, 0.01))
     with pytest.raises(ConfigError, match=r"^INS_top_x8 takes the samples of 8 sensors, and a recording has one: "

@@ -134,8 +134,11 @@ def _figure(time_s, panels, status, gaps):
                          row=len(heights), col=1)
     if status:
         figure.update_yaxes(type="category", row=len(heights), col=1)
-    for start, end in gaps:
-        figure.add_vrect(x0=start, x1=end, fillcolor="#e06666", opacity=0.35, line_width=0.5, layer="below")
+    # All at once: a figure looks through its shapes for each one that is added.
+    figure.update_layout(shapes=[
+        {"type": "rect", "x0": start, "x1": end, "y0": 0, "y1": 1, "xref": f"x{row}", "yref": f"y{row} domain",
+         "fillcolor": "#e06666", "opacity": 0.35, "line": {"width": 0.5}, "layer": "below"}
+        for start, end in gaps for row in ("", *range(2, len(heights) + 1))])
     figure.update_xaxes(title_text="time (s)", row=len(heights), col=1)
     figure.update_xaxes(range=[float(time_s[0]), float(time_s[-1])], showspikes=True, spikemode="across",
                         spikethickness=1, spikecolor="#888888")
