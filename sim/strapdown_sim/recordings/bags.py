@@ -18,6 +18,7 @@ import importlib
 import io
 import sqlite3
 import sys
+from contextlib import closing
 
 import numpy as np
 
@@ -102,13 +103,12 @@ def _sqlite(path):
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.LATEST)
-    with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as base:
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as base:
         topics = {number: (topic, kind) for number, topic, kind in base.execute("SELECT id, name, type FROM topics")}
         for number, time_ns, raw in base.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"):
             topic, kind = topics[number]
             if _wanted(kind):
                 yield topic, kind, time_ns, store.deserialize_cdr(raw, kind)
-    base.close()
 
 
 SCHEMA, CHANNEL, MESSAGE, CHUNK = 3, 4, 5, 6

@@ -7,7 +7,7 @@ of an autopilot, is turned to x forward, y left, z up.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from .recording import RecordingError
 
 __all__ = ["ACCEL", "ATTITUDE", "GYRO", "MAG", "POSITION", "PRESSURE", "VELOCITY", "Log", "Stream", "from_frd",
-           "quaternion_from_angles", "quaternion_from_ned"]
+           "interpolated", "quaternion_from_angles", "quaternion_from_ned"]
 
 GYRO, ACCEL, MAG, ATTITUDE = "gyro", "accel", "mag", "attitude"
 VELOCITY, POSITION, PRESSURE = "velocity", "position", "pressure"
@@ -39,8 +39,6 @@ class Stream:
         NaN where there is no sample.
     unit : str
         Unit in the file, for reports.
-    limit : float or None
-        Largest value that the sensor gives, in the unit of ``values``, if the file says so.
     frame : str
         Of an attitude: "ENU" or "NWU".
     heading_known : bool
@@ -54,7 +52,6 @@ class Stream:
     time_s: np.ndarray
     values: np.ndarray
     unit: str = ""
-    limit: float | None = None
     frame: str = ""
     heading_known: bool = False
     meaning: str = ""
@@ -110,9 +107,10 @@ class Log:
         names = ", ".join(f"{number} ({stream.name})" for number, stream in enumerate(streams)) or "none"
         raise RecordingError(f"{self.path}: {option} {name} is not in the log; it has {names}")
 
-    def with_notes(self, *notes: str) -> "Log":
-        """This log with further notes."""
-        return replace(self, notes=(*self.notes, *notes))
+
+def interpolated(time_s: np.ndarray, known_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values of shape (M, k), known at ``known_s``, on straight lines between them at ``time_s``, shape (N, k)."""
+    return np.stack([np.interp(time_s, known_s, axis) for axis in values.T], axis=-1)
 
 
 def from_frd(vectors: np.ndarray) -> np.ndarray:

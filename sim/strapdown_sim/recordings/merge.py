@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .clock import Clock, gaps, mended
-from .log import ACCEL, ATTITUDE, GYRO, MAG, POSITION, VELOCITY, Log, Stream
+from .log import ACCEL, ATTITUDE, GYRO, MAG, POSITION, VELOCITY, Log, Stream, interpolated
 from .recording import (
     STANDARD_GRAVITY,
     Recording,
@@ -110,7 +110,7 @@ def recordings_of(log: Log, count: int, **choice: Any) -> list[Recording]:
     for stream in log.of(GYRO):
         if len(found) < count and stream is not gyro and gyro and len(stream.time_s) >= len(gyro.time_s) / 2:
             other = recording_of(log, **(choice | {"imu": stream.name}))
-            gyro_deg_s, accel = (np.stack([np.interp(first.time_s, other.time_s, axis) for axis in values.T], axis=-1)
+            gyro_deg_s, accel = (interpolated(first.time_s, other.time_s, values)
                                  for values in (other.gyro_deg_s, other.accel))
             found.append(replace(first, name=f"{log.name}, {stream.name}", gyro_deg_s=gyro_deg_s, accel=accel,
                                  accel_unit=other.accel_unit))
@@ -207,7 +207,7 @@ def _on_line(time_s, known_s, values, own):
     """Values at own rows, on lines between them at the others."""
     if isinstance(own, slice):
         return values
-    return np.stack([np.interp(time_s, known_s, axis) for axis in values.T], axis=-1)
+    return interpolated(time_s, known_s, values)
 
 
 def _same_clock(gyro, stream):
@@ -278,7 +278,7 @@ def _force(gyro, accel, clock, time_s, own):
         known_s, values = _means(known_s, values, time_s)
     if len(known_s) < 2:
         return {"accel": np.zeros((len(time_s), 3)), "accel_unit": accel.unit}
-    force = np.stack([np.interp(time_s, known_s, axis) for axis in values.T], axis=-1)
+    force = interpolated(time_s, known_s, values)
     # No sample for longer than a few of its own steps, and BRIDGED_S: the force is not known.
     limit = max(4 * float(np.median(np.diff(known_s))), BRIDGED_S / 4)
     after = np.searchsorted(known_s, time_s).clip(1, len(known_s) - 1)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of
-from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream
+from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream, interpolated
 from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
 from .x_imu import x_imu_log
@@ -166,7 +166,7 @@ def _beside(table, found):
         own_s = seconds(other, columns.of[TIME][0])
         yield from streams_of(other, columns, own_s, name=path.stem)
         if ATTITUDE in columns.of:
-            known = np.stack([np.interp(own_s, time_s, axis) for axis in force.T], axis=-1)
+            known = interpolated(own_s, time_s, force)
             turned = gravity_side(scaled(other, columns.of[ATTITUDE])[0], known)
             if turned is not None:
                 yield Stream(ATTITUDE, path.stem, own_s, turned, frame="NWU",

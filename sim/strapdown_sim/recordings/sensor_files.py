@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .columns import TIME, columns_of, scaled, seconds, streams_of
-from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
-from .plain_csv import FIXED_UNITS, gravity_side, kind_of_name, read_csv
+from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated
+from .plain_csv import FIXED_UNITS, gravity_side, kind_of_name, table_log
 from .recording import RecordingError
 from .table import decoded, parse_table
 
@@ -84,13 +84,13 @@ def read_sensor_files(path):
 
 def _euroc(path, imu):
     """Log of the first IMU of a EuRoC folder, with the true pose beside it."""
-    log = read_csv(path / imu[0])
+    first = parse_table(path / imu[0], decoded((path / imu[0]).read_bytes()))
+    log = table_log(first)
     truth = next((file for name in TRUTH if (file := (path / imu[0]).parents[1] / name / "data.csv").is_file()), None)
     notes = () if len(imu) == 1 else (f"IMUs not used: {', '.join(imu[1:])}; replay their data.csv",)
     log = Log(path, "EuRoC", log.streams, notes=(*log.notes, *notes), place=log.place)
     if truth is None:
         return log
-    first = parse_table(path / imu[0], decoded((path / imu[0]).read_bytes()))
     table = parse_table(truth, decoded(truth.read_bytes()))
     found, origin = columns_of(table), first.values[0, columns_of(first).of[TIME][0].number]
     if ATTITUDE not in found.of or TIME not in found.of:
@@ -134,7 +134,7 @@ def _merged(path, files):
         forces[0] = _with_gravity(forces[0], gravity, origin)
         notes.append(f"gravity of Gravity.csv is added to {forces[0].name}")
     for name, time_s, q in attitudes:
-        force = np.stack([np.interp(time_s, forces[0].time_s, axis) for axis in forces[0].values.T], axis=-1)
+        force = interpolated(time_s, forces[0].time_s, forces[0].values)
         turned = gravity_side(q, force)
         if turned is not None:
             streams.append(Stream(ATTITUDE, name, time_s, turned, frame="NWU",
@@ -161,5 +161,5 @@ def _with_gravity(stream, table, origin):
     columns = columns_of(table, default=ACCEL)
     values, _ = scaled(table, columns.of[ACCEL], FIXED_UNITS)
     time_s = seconds(table, columns.of[TIME][0], origin)
-    added = np.stack([np.interp(stream.time_s, time_s, axis) for axis in values.T], axis=-1)
+    added = interpolated(stream.time_s, time_s, values)
     return Stream(ACCEL, stream.name, stream.time_s, stream.values + added, stream.unit)
