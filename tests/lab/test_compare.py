@@ -66,6 +66,17 @@ def test_an_unknown_commit_and_a_generator_that_fails_are_one_line(repository, t
         earlier_circuits("HEAD", [ENTRY], tmp_path / "out", repository=repository)
 
 
+@pytest.mark.parametrize("line", ["numpy-of-long-ago>=2", "pydantic[email]>=2"])
+def test_packages_that_a_commit_needs_are_named(repository, tmp_path, line):
+    (repository / "pyproject.toml").write_text(
+        f'[project]\ndependencies = ["numpy", "pydantic[timezone]", "{line}"]\n', encoding="utf-8")
+    for words in (["add", "."], ["-c", "user.name=a", "-c", "user.email=a@example.org", "commit", "-m", "needs"]):
+        subprocess.run(["git", *words], cwd=repository, check=True, capture_output=True)
+    with pytest.raises(CommitError) as caught:
+        earlier_circuits("HEAD", [ENTRY], tmp_path / "out", repository=repository)
+    assert str(caught.value) == f"HEAD needs packages that are not installed: pip install '{line}'"
+
+
 @pytest.mark.parametrize(("old", "new", "cell"), [
     (1000, 1009, "1,000 → 1,009 (+0.9%)"), (1000, 1011, "**1,000 → 1,011 (+1.1%)**"),
     (1000, 900, "1,000 → 900 (-10.0%)")])

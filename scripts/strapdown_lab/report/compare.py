@@ -2,16 +2,21 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tarfile
+import tomllib
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, distribution
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from packaging.requirements import Requirement
 
 from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT
@@ -59,10 +64,29 @@ def earlier_circuits(commit: str, entries: Iterable[CoreEntry], folder: Path, *,
                              capture_output=True, check=False)
     if archive.returncode:
         raise CommitError(f"{commit!r} is no commit of this repository that has a folder hw")
+    if missing := _missing_packages(commit, repository):
+        raise CommitError(f"{commit} needs packages that are not installed: pip install {shlex.join(missing)}")
     with TemporaryDirectory() as sources:
         with tarfile.open(fileobj=BytesIO(archive.stdout)) as files:
             files.extractall(sources, filter="data")
         return _generated(entries, folder, {**os.environ, "PYTHONPATH": str(Path(sources, "hw"))}, commit)
+
+
+def _missing_packages(commit, repository):
+    """Dependencies in the commit's pyproject.toml that are not installed, with their extras."""
+    project = subprocess.run(["git", "show", f"{commit}:pyproject.toml"], cwd=repository, capture_output=True,
+                             text=True, encoding="utf-8", check=False).stdout
+    return [line for line in tomllib.loads(project).get("project", {}).get("dependencies", [])
+            if not _is_installed(Requirement(line))]
+
+
+def _is_installed(requirement):
+    try:
+        inner = map(Requirement, distribution(requirement.name).requires or [])
+    except PackageNotFoundError:
+        return False
+    return all(_is_installed(part) for part in inner for extra in requirement.extras
+               if part.marker and part.marker.evaluate({"extra": extra}))
 
 
 def _generated(entries, folder, environment, commit=None):
