@@ -1,6 +1,7 @@
 """A page in a browser without a window: Debian's Chromium, driven by selenium.
 
-As a program, with ``build/demo/replay.html docs/replay.png``, it draws the picture of docs/recordings.md.
+As a program, with ``build/demo/replay.html docs/replay.png``, it draws the picture of docs/recordings.md; with
+``build/optical/optical.html docs/optical_page.png``, that of docs/optical.md, from its second command with ``--html``.
 """
 
 import sys

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from .curves import GRID, few
 from .recordings import Log, Recording, Stream
 from .recordings.clock import gaps, mended
 from .recordings.merge import saturated
@@ -102,12 +103,13 @@ def inspection_picture(path: str | os.PathLike, inspection: Inspection, recordin
         clock = mended(stream.time_s)
         every = max(len(clock.rows) // _POINTS, 1)
         for axis, colour in zip(stream.values[clock.rows].T, _COLOURS, strict=False):
-            axes.plot(clock.time_s[::every], axis[::every], ".", markersize=1.5, markeredgewidth=0, color=colour)
+            axes.plot(clock.time_s[::every], axis[::every], ".", markersize=6 if few(axis) else 1.5, markeredgewidth=0,
+                      color=colour)
         for start, end in recording.timing.bridged if recording is not None and recording.timing is not None else ():
             axes.axvspan(start, end, color=_BAND, linewidth=0.4, zorder=0)
         axes.set_title(f"{stream.kind}: {stream.name}", loc="left", fontsize="small", color="0.35")
         axes.set_ylabel(UNITS[stream.kind])
-        axes.grid(color="#e4e4e4", linewidth=0.6)
+        axes.grid(color=GRID, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("time (s)")

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from strapdown.config import ConfigError
 
+from .curves import ESTIMATE, GRID, HARDWARE, few
 from .errors import conjugate, enu_to_nwu, multiply, spread
 from .recordings import Recording
 from .reference.quaternion import cumulative, increment
@@ -117,14 +118,14 @@ def track_picture(path: str | os.PathLike, *, title: str, recording: Recording, 
     figure = Figure(figsize=(7.0, 7.0), dpi=120, layout="constrained")
     axes = figure.subplots()
     for x, y, label, colour, width in (
-            (place.values[:, 1], place.values[:, 0], "recorded position", "#e0a458", 3),
-            (longitude, latitude, "hardware", "#10243e", 1)):
+            (place.values[:, 1], place.values[:, 0], "recorded position", ESTIMATE, 3),
+            (longitude, latitude, "hardware", HARDWARE, 1)):
         axes.plot(meters * scale * (x - longitude[0]), meters * (y - latitude[0]), label=label, color=colour,
-                  linewidth=width)
+                  linewidth=width, marker="." if few(x) else None)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east (m)")
     axes.set_ylabel("north (m)")
     axes.set_title(title, loc="left", fontsize="medium", fontweight="bold")
-    axes.grid(color="#e4e4e4", linewidth=0.6)
+    axes.grid(color=GRID, linewidth=0.6)
     axes.legend(frameon=False)
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})

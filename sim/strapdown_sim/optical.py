@@ -25,7 +25,9 @@ from .instrument.calibration import Calibration
 from .instrument.errors import InstrumentError
 from .instrument.flights import Flight
 from .instrument.scene import Scene
-from .optical_picture import angles_picture, budget_picture, exposure_picture, lines_picture
+from .optical_page import lost_lines, optical_page
+from .optical_picture import PARTS, angles_picture, budget_picture, exposure_picture, lines_picture
+from .page import require_plotly
 from .reference.optical import angles_of_pixels, attitude
 
 __all__ = ["SAMPLES", "Judgement", "Recorded", "Source", "Turned", "errors_of", "flight_scene", "inertial_samples",
@@ -107,15 +109,15 @@ class Turned(NamedTuple):
 
 
 def optical(source: Source, config: OpticalConfig, directory: str | os.PathLike, *, lines: int,
-            build: str | os.PathLike, command: Sequence[str] = (), shown: int | None = None,
+            build: str | os.PathLike, command: Sequence[str] = (), shown: int | None = None, html: bool = False,
             progress: Callable[[str, int, int], object] | None = None) -> dict[str, Any]:
     """Run lines through OPT_top in Verilator, from power-up, and write what happened.
 
     The function writes the core's ``.v`` and ``.json``; ``summary.json``; ``angles.csv`` (t, the middle of the roll
     sensor's exposure, in seconds; angles in degrees; positions in pixels, nan before the first; peaks in counts;
-    exposures in µs; status);
-    and the pictures ``lines.png``, ``angles.png``, ``exposure.png`` and, for a flight, ``budget.png``. The files are
-    moved into the folder after all are written. If the run fails or is interrupted, the folder does not change.
+    exposures in µs; status); the pictures ``lines.png``, ``angles.png``, ``exposure.png`` and, for a flight,
+    ``budget.png``; and, if asked, ``optical.html``, one self-contained page. The files are moved into the folder after
+    all are written. If the run fails or is interrupted, the folder does not change.
 
     Parameters
     ----------
@@ -132,6 +134,8 @@ def optical(source: Source, config: OpticalConfig, directory: str | os.PathLike,
         Words of the command line that makes the Verilog again; empty for none.
     shown : int or None
         Update whose lines are drawn; by default the middle one.
+    html : bool
+        Whether to write ``optical.html``. Needs plotly.
     progress : callable or None
         ``progress(stage, done, total)``, called from time to time; stages are "build", "simulate", "compare".
 
@@ -140,11 +144,14 @@ def optical(source: Source, config: OpticalConfig, directory: str | os.PathLike,
     dict
         Contents of ``summary.json``.
 
-    Raises: SimulatorMissingError without g++ or Verilator, and ConfigError for an external trigger, before any file is
-    made; InstrumentError without scipy; ToolError if g++ or Verilator fails; OSError if files cannot be written.
+    Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError for a page without plotly, and
+    ConfigError for an external trigger, before any file is made; InstrumentError without scipy; ToolError if g++ or
+    Verilator fails; OSError if files cannot be written.
     """
     compiler()
     verilator_root()
+    if html:
+        require_plotly()
     if config.trigger != "internal":
         raise ConfigError(f"configuration {config.name}: a run needs trigger=internal, not {config.trigger!r}")
     told = progress or (lambda stage, done, total: None)
@@ -158,7 +165,7 @@ def optical(source: Source, config: OpticalConfig, directory: str | os.PathLike,
                         progress=lambda done: told("simulate", done, lines))
         told("simulate", lines, lines)
         told("compare", 0, 1)
-        summary = _written(source, bench, run, partial, shown)
+        summary = _written(source, bench, run, partial, shown, html)
         told("compare", 1, 1)
     return summary
 
@@ -262,8 +269,8 @@ def judged(source: Source, bench: PinBench, run: OpticalRun) -> Judgement:
                                 for own, true in zip(spots, (roll.roll_px, pitch.pitch_px), strict=True)))
 
 
-def _written(source, bench, run, folder, shown):
-    """Write CSV, pictures and summary; returns the summary."""
+def _written(source, bench, run, folder, shown, html):
+    """Write CSV, pictures, page and summary; returns the summary."""
     config, seen = run.config, run.seen
     found = judged(source, bench, run)
     spots, truth, parts = found.spots, found.truth, found.parts
@@ -271,6 +278,7 @@ def _written(source, bench, run, folder, shown):
     time_s = np.array([pair[0].middle_s if pair[0] else np.nan for pair in seen])
     summary: dict[str, Any] = {
         "source": source.name, "config": config.name, "sensor": config.sensor, "updates": len(run.cycle),
+        "lost_lines": int(lost_lines(run.line).sum()),
         "line_rate_hz": config.sample_rate_hz, "cycles_per_line": bench.timing.line_cycles,
         "cycles_from_last_pixel_to_angles": bench.core.latency,
         "bits_differing_from_twin": found.differing_bits,
@@ -288,7 +296,8 @@ def _written(source, bench, run, folder, shown):
     if found.position_error_px is not None:
         summary["position_error_px"] = {
             axis: spread(np.abs(error)) for axis, error in zip(Turned._fields, found.position_error_px, strict=True)}
-    title = f"{source.name}\n{TOP}, configuration {config.name}, {config.sample_rate_hz:g} Hz"
+    own_title = f"{TOP}, configuration {config.name}, {config.sample_rate_hz:g} Hz"
+    title = f"{source.name}\n{own_title}"
     angles = Turned(*(run.angles[port].astype(float) for port in ("out_roll", "out_pitch")))
     measured = Turned(*(run.angles[f"{port}_measured"].astype(float) for port in ("out_roll", "out_pitch")))
     _write_csv(folder / "angles.csv", {
@@ -300,18 +309,40 @@ def _written(source, bench, run, folder, shown):
         "roll_peak": (spots[0].results["peak"], 0), "pitch_peak": (spots[1].results["peak"], 0),
         "roll_exposure_us": (exposures[:, 0], 2), "pitch_exposure_us": (exposures[:, 1], 2), "status": (run.status, 0)})
     if len(run.cycle):
+        flags = {name.replace("_", " "): run.flag(name) for name in STATUS}
+        known, known_measured = _known(angles, spots), _known(measured, spots)
         index = len(run.cycle) // 2 if shown is None else min(shown, len(run.cycle) - 1)
         lines_picture(folder / "lines.png", title=title, light=run.light, spots=spots, index=index, line=run.line)
-        angles_picture(folder / "angles.png", title=title, time_s=time_s, angles=_known(angles, spots),
-                       measured=_known(measured, spots), truth=truth, time_of_errors=time_s[found.rows],
+        angles_picture(folder / "angles.png", title=title, time_s=time_s, angles=known,
+                       measured=known_measured, truth=truth, time_of_errors=time_s[found.rows],
                        reference=found.reference, parts=parts)
         exposure_picture(folder / "exposure.png", title=title, time_s=time_s, exposure_us=exposures,
-                         peaks=[own.results["peak"] for own in spots],
-                         flags={name.replace("_", " "): run.flag(name) for name in STATUS})
+                         peaks=[own.results["peak"] for own in spots], flags=flags)
+        if html:
+            optical_page(folder / "optical.html", title=f"{source.name}: {own_title}", time_s=time_s, run=run,
+                         spots=spots, angles=known, measured=known_measured, truth=truth, reference=found.reference,
+                         parts=parts, rows=found.rows, exposure_us=exposures, flags=flags, facts=list(_facts(summary)))
     if truth is not None:
         budget_picture(folder / "budget.png", title=title, parts=parts)
     (folder / "summary.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return summary
+
+
+def _facts(summary):
+    """Rows of the table of a page."""
+    frames = summary["frames"]
+    yield "source", summary["source"]
+    yield "configuration", f"{summary['config']}, {summary['sensor']}"
+    yield "updates", f"{summary['updates']:,} at {summary['line_rate_hz']:g} Hz"
+    yield "lost lines", f"{summary['lost_lines']:,}"
+    yield "cycles from last pixel to angles", f"{summary['cycles_from_last_pixel_to_angles']:,}"
+    yield "bits that differ from the twin", f"{summary['bits_differing_from_twin']:,}"
+    yield "violations of the sensors' timing", f"{len(summary['timing_violations']):,}"
+    yield "frames", f"{frames['received']:,}, {frames['lost']:,} lost, {frames['crc_errors']:,} CRC errors"
+    for part, name in PARTS.items():
+        for axis, error in summary["error_deg"].get(part, {}).items():
+            if error["max"] is not None:
+                yield f"{axis}, {name}", f"{error['rms']:.6f}° RMS, {error['max']:.6f}° at most"
 
 
 def _known(angles, spots):

@@ -7,15 +7,16 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from strapdown.blocks.exposure import LOW, TOO_HIGH
 
+from .curves import ESTIMATE, GRID, HARDWARE, REFERENCE, few
 from .errors import rms
 
-__all__ = ["angles_picture", "budget_picture", "exposure_picture", "lines_picture"]
+__all__ = ["PARTS", "SENSOR_COLOURS", "angles_picture", "budget_picture", "exposure_picture", "lines_picture",
+           "run_begin"]
 
 _SENSORS = "roll", "pitch"
-_CIRCUIT, _REFERENCE, _MEASURED, _GRID = "#10243e", "#8fc1ea", "#e0a458", "#e4e4e4"
-_COLOURS = "#3366aa", "#cc6633"
-_PARTS = {"total": "circuit - truth", "light": "light: noise, finder", "equations": "equations: float64 - truth",
-          "arithmetic": "circuit - float64"}
+SENSOR_COLOURS = "#3366aa", "#cc6633"
+PARTS = {"total": "circuit - truth", "light": "light: noise, finder", "equations": "equations: float64 - truth",
+         "arithmetic": "circuit - float64"}
 """Parts of the error, and their names in pictures."""
 
 _MOST_ROWS, _MOST_COLUMNS = 400, 1024
@@ -53,15 +54,15 @@ def lines_picture(path, *, title, light, spots, index, line):
         reach = max(8, 2 * width)
         middle = round(centre) if own.position[index] >= 0 else pixels // 2
         for axes in whole, near:
-            axes.step(np.arange(pixels), counts, where="mid", color=_CIRCUIT, linewidth=0.8, label="pixels")
+            axes.step(np.arange(pixels), counts, where="mid", color=HARDWARE, linewidth=0.8, label="pixels")
             for level, label, style in ((black, "black level", ":"), (black + lo, "threshold", "-"),
                                         (black + hi, "least peak", "--")):
-                axes.axhline(level, color=_MEASURED, linestyle=style, linewidth=1, label=label)
+                axes.axhline(level, color=ESTIMATE, linestyle=style, linewidth=1, label=label)
             axes.set_ylabel("counts")
             axes.set_xlabel("pixel")
         if good:
             _mark_run(near, counts, black + lo, centre, width)
-            whole.axvline(centre, color=_COLOURS[1], linewidth=0.8)
+            whole.axvline(centre, color=SENSOR_COLOURS[1], linewidth=0.8)
         whole.set_xlim(-0.5, pixels - 0.5)
         near.set_xlim(middle - reach, middle + reach)
         found = f"position {centre:.3f}, peak {int(own.results['peak'][index])}" if good else "no spot"
@@ -74,12 +75,17 @@ def lines_picture(path, *, title, light, spots, index, line):
 
 def _mark_run(axes, counts, threshold, centre, width):
     """The run that holds a centre: its pixels above the threshold, and the centre."""
-    above = np.flatnonzero(counts > threshold)
-    begin = next(int(first) for first in above if first <= centre < first + width and first + width - 1 in above)
+    begin = run_begin(counts, threshold, centre, width)
     run = np.arange(begin, begin + width)
-    axes.fill_between(run, threshold, counts[run], where=counts[run] > threshold, step="mid", color=_REFERENCE,
+    axes.fill_between(run, threshold, counts[run], where=counts[run] > threshold, step="mid", color=REFERENCE,
                       alpha=0.7, label=f"run of {width} pixels from {begin}")
-    axes.axvline(centre, color=_COLOURS[1], linewidth=1.2, label=f"centre of gravity {centre:.3f}")
+    axes.axvline(centre, color=SENSOR_COLOURS[1], linewidth=1.2, label=f"centre of gravity {centre:.3f}")
+
+
+def run_begin(counts, threshold, centre, width):
+    """First pixel of the run above a threshold that holds a centre and has a width; pixels."""
+    above = np.flatnonzero(counts > threshold)
+    return next(int(first) for first in above if first <= centre < first + width and first + width - 1 in above)
 
 
 def _stack(axes, lines, own):
@@ -89,7 +95,7 @@ def _stack(axes, lines, own):
     axes.imshow(picture, aspect="auto", cmap="gray", interpolation="nearest",
                 extent=(-0.5, lines.shape[1] - 0.5, len(lines) - 0.5, -0.5))
     updates = np.flatnonzero(own.good)
-    axes.plot(own.position[updates] / 4096, updates, ".", color=_COLOURS[1], markersize=2, markeredgewidth=0)
+    axes.plot(own.position[updates] / 4096, updates, ".", color=SENSOR_COLOURS[1], markersize=2, markeredgewidth=0)
     axes.set_xlabel("pixel")
     axes.set_ylabel("update")
 
@@ -124,15 +130,17 @@ def angles_picture(path, *, title, time_s, angles, measured, truth, time_of_erro
     panels = figure.subplots(4, 1, sharex=True)
     for axis, axes, below in zip(_SENSORS, panels[:2], panels[2:], strict=True):
         behind, label = (truth, "truth") if truth else (reference, "float64")
-        axes.plot(time_s if truth else time_of_errors, getattr(behind, axis), color=_REFERENCE, linewidth=3.2,
-                  label=label)
-        axes.plot(time_s, getattr(measured, axis), color=_MEASURED, linewidth=0.8, label="measured against the rotor")
-        axes.plot(time_s, getattr(angles, axis), color=_CIRCUIT, linewidth=0.9, label="circuit")
+        marker = "." if few(getattr(angles, axis)) else None
+        for time, values, colour, width, name in (
+                (time_s if truth else time_of_errors, behind, REFERENCE, 3.2, label),
+                (time_s, measured, ESTIMATE, 0.8, "measured against the rotor"),
+                (time_s, angles, HARDWARE, 0.9, "circuit")):
+            axes.plot(time, getattr(values, axis), color=colour, linewidth=width, label=name, marker=marker)
         axes.set_ylabel(f"{axis} (°)")
         shown = "total" if "total" in parts else "arithmetic"
         if parts:
-            below.plot(time_of_errors, getattr(parts[shown], axis), color=_CIRCUIT, linewidth=0.8)
-        below.set_ylabel(f"{axis}:\n{_PARTS[shown]} (°)")
+            below.plot(time_of_errors, getattr(parts[shown], axis), color=HARDWARE, linewidth=0.8, marker=marker)
+        below.set_ylabel(f"{axis}:\n{PARTS[shown]} (°)")
     panels[0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, frameon=False, fontsize="small")
     panels[-1].set_xlabel("time (s)")
     _finish(figure, panels, title)
@@ -147,14 +155,14 @@ def budget_picture(path, *, title, parts):
     figure = Figure(figsize=(9, 4.5), dpi=120, layout="constrained")
     panels = figure.subplots(1, 2, sharey=True, sharex=True)
     for axis, axes in zip(_SENSORS, panels, strict=True):
-        sizes = [np.abs(getattr(parts[name], axis)) for name in _PARTS]
-        place = np.arange(len(_PARTS))
+        sizes = [np.abs(getattr(parts[name], axis)) for name in PARTS]
+        place = np.arange(len(PARTS))
         for offset, colour, label, values in (
-                (-0.2, _COLOURS[0], "RMS", [rms(size) for size in sizes]),
-                (0.2, _COLOURS[1], "largest", [size.max() for size in sizes])):
+                (-0.2, SENSOR_COLOURS[0], "RMS", [rms(size) for size in sizes]),
+                (0.2, SENSOR_COLOURS[1], "largest", [size.max() for size in sizes])):
             bars = axes.barh(-place - offset, np.maximum(values, LEAST_DEG), 0.38, color=colour, label=label)
             axes.bar_label(bars, [f"{value:.2g}" for value in values], padding=3, fontsize="x-small")
-        axes.set_yticks(-place, _PARTS.values())
+        axes.set_yticks(-place, PARTS.values())
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(_plain_number)
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -187,7 +195,7 @@ def exposure_picture(path, *, title, time_s, exposure_us, peaks, flags):
     figure = Figure(figsize=(10, 7), dpi=120, layout="constrained")
     exposure, peak, status = figure.subplots(3, 1, sharex=True)
     for ccd, name in enumerate(_SENSORS):
-        drawn = {"where": "mid", "color": _COLOURS[ccd], "linewidth": 1}
+        drawn = {"where": "mid", "color": SENSOR_COLOURS[ccd], "linewidth": 1}
         exposure.step(time_s, exposure_us[:, ccd], label=f"{name} sensor", **drawn)
         peak.step(time_s, peaks[ccd], **drawn)
     exposure.set_yscale("log")
@@ -198,10 +206,10 @@ def exposure_picture(path, *, title, time_s, exposure_us, peaks, flags):
     exposure.yaxis.set_minor_formatter(NullFormatter())
     exposure.set_ylabel("exposure (µs)")
     exposure.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False, fontsize="small")
-    peak.axhspan(LOW, TOO_HIGH, color=_GRID, zorder=0)
+    peak.axhspan(LOW, TOO_HIGH, color=GRID, zorder=0)
     peak.set_ylabel("peak above black (counts)")
     for row, flag in enumerate(flags.values()):
-        status.plot(time_s[flag], np.full(flag.sum(), row), "|", color=_CIRCUIT, markersize=8)
+        status.plot(time_s[flag], np.full(flag.sum(), row), "|", color=HARDWARE, markersize=8)
     status.set_yticks(np.arange(len(flags)), flags)
     status.set_ylim(len(flags) - 0.5, -0.5)
     status.set_xlabel("time (s)")
@@ -215,7 +223,7 @@ def _plain_number(value, place):
 
 
 def _plain(axes):
-    axes.grid(color=_GRID, linewidth=0.6)
+    axes.grid(color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 

@@ -5,13 +5,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from .curves import ESTIMATE, GRID, HARDWARE, REFERENCE, few, without_jumps
 from .errors import angle_difference
 
 __all__ = ["attitude_picture", "outputs_picture"]
 
 _ANGLES = "roll", "pitch", "yaw"
 _ANGLE_COLOURS = "#3366aa", "#cc6633", "#448855"
-_HARDWARE, _REFERENCE, _DEVICE, _GRID = "#10243e", "#8fc1ea", "#e0a458", "#e4e4e4"
 _GAP = "#f3c6c6"
 _ENVELOPE_POINTS = 600
 
@@ -52,20 +52,21 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
 
     for k, (axes, angle) in enumerate(zip(panels, _ANGLES, strict=True)):
         handles = [
-            *axes.plot(time_s, _without_jumps(hardware[:, k]), color=_HARDWARE, linewidth=0.8, zorder=3),
-            *axes.plot(time_s, _without_jumps(reference_model[:, k]), color=_REFERENCE, linewidth=3.2, zorder=2)]
+            *_line(axes, time_s, without_jumps(hardware[:, k]), color=HARDWARE, linewidth=0.8, zorder=3),
+            *_line(axes, time_s, without_jumps(reference_model[:, k]), color=REFERENCE, linewidth=3.2, zorder=2)]
         if device is not None:
             # Points, not lines: the estimate may have a lower rate than the samples, or gaps.
-            handles += axes.plot(time_s, np.asarray(device, float)[:, k], ".", color=_DEVICE, markersize=2.5,
+            values = np.asarray(device, float)[:, k]
+            handles += axes.plot(time_s, values, ".", color=ESTIMATE, markersize=8 if few(values) else 2.5,
                                  markeredgewidth=0, zorder=1)
         axes.set_ylabel(f"{angle} (°)")
         axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=(1, 1.5, 3, 4.5, 9, 10)))
 
     for k, angle in enumerate(_ANGLES):
         size = np.abs(angle_difference(hardware[:, k], reference_model[:, k]))
-        difference.plot(*_envelope(time_s, size), color=_ANGLE_COLOURS[k], linewidth=0.9, label=angle)
-    difference.plot(*_envelope(time_s, np.asarray(rotation, float)), color=_HARDWARE, linewidth=1.6,
-                    label="rotation angle")
+        _line(difference, *_envelope(time_s, size), color=_ANGLE_COLOURS[k], linewidth=0.9, label=angle)
+    _line(difference, *_envelope(time_s, np.asarray(rotation, float)), color=HARDWARE, linewidth=1.6,
+          label="rotation angle")
     difference.set_yscale("log", nonpositive="mask")
     difference.set_ylabel("|difference| (°)")
     difference.set_xlabel("time (s)")
@@ -74,7 +75,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
 
     for axes in (*panels, difference):
         _bands(axes, bridged)
-        axes.grid(color=_GRID, linewidth=0.6)
+        axes.grid(color=GRID, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     difference.set_xlim(time_s[0], time_s[-1])
@@ -111,13 +112,13 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
     figure = Figure(figsize=(9.0, 0.9 + 1.5 * len(hardware)), dpi=150, layout="constrained")
     for axes, (port, values) in zip(figure.subplots(len(hardware), 1, sharex=True, squeeze=False)[:, 0],
                                     hardware.items(), strict=True):
-        drawn = _without_jumps if "degrees" in meanings[port] else np.asarray
-        handles = [*axes.plot(time_s, drawn(values), color=_HARDWARE, linewidth=0.8, zorder=3),
-                   *axes.plot(time_s, drawn(reference_model[port]), color=_REFERENCE, linewidth=3.2, zorder=2)]
+        drawn = without_jumps if "degrees" in meanings[port] else np.asarray
+        handles = [*_line(axes, time_s, drawn(values), color=HARDWARE, linewidth=0.8, zorder=3),
+                   *_line(axes, time_s, drawn(reference_model[port]), color=REFERENCE, linewidth=3.2, zorder=2)]
         axes.set_ylabel(port.removeprefix("out_"))
         _bands(axes, bridged)
         axes.set_title(meanings[port], loc="left", fontsize="small", color="0.35")
-        axes.grid(color=_GRID, linewidth=0.6)
+        axes.grid(color=GRID, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("time (s)")
@@ -129,17 +130,16 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
 
+def _line(axes, time_s, values, *, linewidth, **options):
+    """A curve, with its points if they are few."""
+    return axes.plot(time_s, values, linewidth=linewidth, marker="." if few(values) else None,
+                     markersize=4 + 1.5 * linewidth, markeredgewidth=0, **options)
+
+
 def _bands(axes, bridged):
     """Bands over the stretches of time in which samples were filled in."""
     for start, end in bridged:
         axes.axvspan(start, end, color=_GAP, linewidth=0.4, zorder=0)
-
-
-def _without_jumps(angle):
-    """Angle with a gap where it jumps by more than half a turn, so that no line joins the two sides."""
-    broken = np.array(angle, dtype=float)
-    broken[1:][np.abs(np.diff(angle)) > 180.0] = np.nan
-    return broken
 
 
 def _envelope(time_s, size):

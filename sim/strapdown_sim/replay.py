@@ -16,6 +16,7 @@ from strapdown.export import write_core
 from strapdown.files import written_together
 
 from .bag import require_rosbags, write_bag
+from .curves import ESTIMATE, HARDWARE, REFERENCE
 from .drivers.core import CoreModel
 from .drivers.stream import StreamModel
 from .drivers.toolchain import compiler, verilator_root
@@ -354,9 +355,9 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         rotation=difference, bridged=_bridged(recording), device=None if recording.reference is None else device,
         labels=labels)
     turning = [Panel(f"{name} (°)", [
-        *([Curve(labels[2], device[:, k], points=True, colour="#e0a458")] if recording.reference else []),
-        Curve(labels[1], model[:, k], turns=True, colour="#8fc1ea", width=4),
-        Curve(labels[0], angles[:, k], turns=True, colour="#10243e")])
+        *([Curve(labels[2], device[:, k], points=True, colour=ESTIMATE)] if recording.reference else []),
+        Curve(labels[1], model[:, k], turns=True, colour=REFERENCE, width=4),
+        Curve(labels[0], angles[:, k], turns=True, colour=HARDWARE)])
         for k, name in enumerate(("roll", "pitch", "yaw"))]
     panels = [*turning, Panel("hardware from float64 (°)", [Curve("rotation angle", difference)], logarithmic=True),
               *panels]
@@ -409,8 +410,8 @@ def _outputs(recording, system, result, truth, directory, title, summary):
         hardware={port: result[port] for port in system.output_ports}, reference_model=truth,
         meanings=system.port_meanings, bridged=_bridged(recording))
     panels = [Panel(port.removeprefix("out_"), [
-        Curve("kernel in float64", truth[port], turns=turns[port], colour="#8fc1ea", width=4),
-        Curve("hardware", result[port], turns=turns[port], colour="#10243e")]) for port in system.output_ports]
+        Curve("kernel in float64", truth[port], turns=turns[port], colour=REFERENCE, width=4),
+        Curve("hardware", result[port], turns=turns[port], colour=HARDWARE)]) for port in system.output_ports]
     outputs = system.read(result)
     _navigated(recording, outputs, directory, title, summary)
     return Replay(outputs, summary, panels=tuple(panels))

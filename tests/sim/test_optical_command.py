@@ -1,17 +1,20 @@
 """``strapdown optical``: flights and recorded lines through OPT_top, files, pictures, and errors in one line."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.image import imsave
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from strapdown.cli import main
 from strapdown_sim import optical
 from strapdown_sim.instrument.errors import InstrumentError
 from strapdown_sim.instrument.scene import camera_options
+from strapdown_sim.optical_page import lost_lines
 from strapdown_sim.optical_picture import angles_picture as picture
 from strapdown_sim.recordings import RecordingError
 from strapdown_sim.recordings.lines import FULL_SCALE, read_lines
@@ -46,7 +49,7 @@ def test_flight(tmp_path, models, monkeypatch):
     monkeypatch.setattr(optical, "angles_picture",
                         lambda path, **given: (drawn.update(given), picture(path, **given)))
     result = invoke("c", "--lines", 8, "--start", 20, "--output", tmp_path, "--build", models, "--camera", "prnu=0.01",
-                    "--camera", "laser=true", "--show", 3)
+                    "--camera", "laser=true", "--show", 3, "--html")
     assert result.exit_code == 0, result.output
     assert {path.name for path in tmp_path.iterdir()} >= {
         "OPT_top.v", "OPT_top.json", "summary.json", "angles.csv", "lines.png", "angles.png", "exposure.png",
@@ -80,6 +83,35 @@ def test_flight(tmp_path, models, monkeypatch):
     for values in *drawn["angles"], *drawn["measured"]:
         assert np.flatnonzero(np.isnan(values)).tolist() == [0]
     assert f"{counts['least']} to {counts['largest']:,}" in result.output
+    check_page((tmp_path / "optical.html").read_text(encoding="utf-8"), table)
+
+
+def check_page(text, table):
+    """A page has the numbers of angles.csv, and each line has its spot at the position there."""
+    (run,) = (json.loads(data) for data in re.findall(r"const run = (.*);</script>", text))
+    assert np.abs(np.array(run["time"]) - table["t"]).max() < 1e-6
+    assert run["attitude"]["quaternion"][0] is None
+    found = Rotation.from_quat(run["attitude"]["quaternion"][1:], scalar_first=True).as_euler("ZYX", degrees=True)
+    # Four decimals of a quaternion are half of 1e-4, or 0.0057 degrees, and two of them make an angle.
+    assert np.abs(found[:, 2] - table["roll"][1:]).max() < 0.02
+    assert np.abs(found[:, 1] - table["pitch"][1:]).max() < 0.02
+    assert [view["name"] for view in run["lines"]] == ["roll sensor", "pitch sensor"]
+    for view, axis in zip(run["lines"], ("roll", "pitch"), strict=True):
+        assert view["width"][0] == 0
+        for update in range(1, len(table)):
+            assert view["centre"][update] == pytest.approx(table[f"{axis}_px"][update], abs=1e-3)
+            counts, first, begin = view["counts"][update], view["first"][update], view["begin"][update]
+            threshold, width = view["levels"]["threshold"][update], view["width"][update]
+            above = first + np.flatnonzero(np.array(counts) > threshold)
+            assert above.tolist() == list(range(begin, begin + width))
+            weights = np.array(counts)[above - first] - threshold
+            assert np.average(above, weights=weights) == pytest.approx(view["centre"][update], abs=1e-3)
+    assert "<th>bits that differ from the twin</th><td>0</td>" in text
+    assert "roll missing" in text
+
+
+def test_numbers_of_lines_tell_which_are_lost():
+    assert lost_lines(np.array([0, 1, 4, 65535, 0])).tolist() == [0, 2, 65530, 0]
 
 
 @pytest.mark.verilator
@@ -175,6 +207,13 @@ def test_camera_options():
         with pytest.raises(InstrumentError) as caught:
             camera_options([word])
         assert str(caught.value).startswith(told)
+
+
+def test_a_page_needs_plotly(tmp_path, monkeypatch):
+    monkeypatch.setattr("strapdown_sim.page.html.find_spec", lambda name: None)
+    assert refused("--html", "--output", tmp_path / "out") == (
+        "a page in HTML needs plotly: pip install 'strapdown[html]'")
+    assert not (tmp_path / "out").exists()
 
 
 def test_commands_that_are_refused(tmp_path):

@@ -42,10 +42,13 @@ DEFAULT = "optical_s11639"
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--show", "shown", type=click.IntRange(min=0), default=None, metavar="N",
               help="Update whose lines are drawn.  [default: the middle one]")
+@click.option("--html", is_flag=True,
+              help="Also write optical.html, one page with angles, errors, exposures and status bits, and the attitude "
+                   "and the lines at the cursor. It needs no network.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
 def optical(source, config_name, changes, lines, seconds, start_s, full_scale, output, camera, calibration, seed, shown,
-            build):
+            html, build):
     """Run light through OPT_top in Verilator, from the pins of sensors and ADCs to the serial line.
 
     FLIGHT is a letter from a to g: the rotor of the gyro, rays of light and noise make each line, and the models of
@@ -63,6 +66,7 @@ def optical(source, config_name, changes, lines, seconds, start_s, full_scale, o
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.instrument.errors import InstrumentError
     from strapdown_sim.optical import optical as run
+    from strapdown_sim.page import MissingPlotlyError
     from strapdown_sim.recordings import RecordingError
 
     config, _, options = target_of(None, config_name or DEFAULT, changes)
@@ -81,9 +85,9 @@ def optical(source, config_name, changes, lines, seconds, start_s, full_scale, o
         try:
             light, lines = _source(source, config, lines, start_s, camera, calibration, seed, full_scale)
             with writing(output, build):
-                summary = run(light, config, output, lines=lines, build=build, shown=shown, progress=progress,
-                              command=("strapdown", "generate", *options, "--module", "OPT_top"))
-        except (SimulatorMissingError, ConfigError, InstrumentError, RecordingError) as error:
+                summary = run(light, config, output, lines=lines, build=build, shown=shown, html=html,
+                              progress=progress, command=("strapdown", "generate", *options, "--module", "OPT_top"))
+        except (SimulatorMissingError, MissingPlotlyError, ConfigError, InstrumentError, RecordingError) as error:
             raise UserError(str(error)) from None
     _print_summary(summary, output)
 

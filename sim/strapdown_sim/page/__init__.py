@@ -1,3 +1,3 @@
-"""One self-contained HTML page of a run: curves, status bits, gaps, and an attitude that turns with the cursor."""
+"""One self-contained HTML page of a run: curves, status bits, gaps; at the cursor, attitude and lines of sensors."""
 
 from .html import *

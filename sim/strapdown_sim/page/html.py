@@ -1,4 +1,4 @@
-"""Writes the page: curves by plotly, and an attitude view on a canvas; the page needs no network."""
+"""Writes the page: curves by plotly, and views at the cursor on canvases; the page needs no network."""
 
 import html
 import json
@@ -11,7 +11,9 @@ from string import Template
 
 import numpy as np
 
-__all__ = ["Curve", "MissingPlotlyError", "Panel", "require_plotly", "write_page"]
+from ..curves import few, without_jumps
+
+__all__ = ["COLOURS", "Curve", "LineView", "MissingPlotlyError", "Panel", "require_plotly", "write_page"]
 
 POINTS = 4000
 """Most points of a curve. In a longer run each of half as many groups keeps its smallest and its largest value."""
@@ -22,8 +24,12 @@ ROW, STATUS_ROW = 200, 16
 """Height of a panel, and of a status bit, pixels."""
 
 TO_ENU = {"NWU": ((0, -1, 0), (1, 0, 0), (0, 0, 1)), "ENU": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-          "NED": ((0, 1, 0), (1, 0, 0), (0, 0, -1))}
-"""Rows: east, north and up in the axes of each navigation frame."""
+          "NED": ((0, 1, 0), (1, 0, 0), (0, 0, -1)), "level": ((0, 1, 0), (1, 0, 0), (0, 0, -1))}
+"""Rows: east, north and up in the axes of each navigation frame; of "level", which is forward, right, down without the
+heading: right, forward and up."""
+
+LETTERS = {"level": ("right", "forward", "up")}
+"""Names of these rows in the view, where they are not E, N and up."""
 
 
 class MissingPlotlyError(ImportError):
@@ -54,9 +60,44 @@ class Panel:
     logarithmic: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class LineView:
+    """Lines of one sensor near their spots, one for each time, of which the one at the cursor is drawn.
+
+    Fields
+    ------
+    name : str
+    first : ndarray of int, shape (N,)
+        Pixel of the first count.
+    counts : ndarray of int, shape (N, W)
+    levels : dict
+        Maps names to levels in counts, shape (N,).
+    begin, width : ndarray of int, shape (N,)
+        First pixel and number of pixels of the run; its width is zero where there is none.
+    centre : ndarray, shape (N,)
+        Centre of gravity of the run, pixels.
+    """
+
+    name: str
+    first: np.ndarray
+    counts: np.ndarray
+    levels: Mapping[str, np.ndarray]
+    begin: np.ndarray
+    width: np.ndarray
+    centre: np.ndarray
+
+    def data(self, kept: np.ndarray) -> dict:
+        """The view at some of its times, as JSON values."""
+        arrays = {"first": self.first, "counts": self.counts, "begin": self.begin, "width": self.width,
+                  "centre": np.round(self.centre, 3)}
+        return {"name": self.name, "most": int(self.counts.max()),
+                "levels": {name: values[kept].tolist() for name, values in self.levels.items()},
+                **{name: values[kept].tolist() for name, values in arrays.items()}}
+
+
 def write_page(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[Panel],
                status: Mapping[str, np.ndarray], gaps: Sequence[tuple[float, float]] = (),
-               quaternion: np.ndarray | None = None, frame: str = "NWU",
+               quaternion: np.ndarray | None = None, frame: str = "NWU", lines: Sequence[LineView] = (),
                facts: Sequence[tuple[str, str]] = ()) -> None:
     """Write the page of a run.
 
@@ -75,9 +116,12 @@ def write_page(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[P
     gaps : sequence of (float, float)
         Ends of the gaps of the recording, seconds.
     quaternion : ndarray, shape (N, 4), or None
-        Body to navigation frame, scalar first; None for no attitude view.
+        Body to navigation frame, scalar first, NaN where it is not known; None for no attitude view.
     frame : str
-        Navigation frame: a key of ``TO_ENU``. The body axes are forward, left, up, and in NED forward, right, down.
+        Navigation frame: a key of ``TO_ENU``. The body axes are forward, left, up, or forward, right, down if the frame
+        has its third axis down.
+    lines : sequence of LineView
+        Views of line sensors.
     facts : sequence of (str, str)
         Rows of the table of the run.
 
@@ -85,17 +129,19 @@ def write_page(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[P
     """
     require_plotly()
     figure = _figure(time_s, panels, {name: bits for name, bits in status.items() if bits.any()}, gaps)
-    attitude = None
+    kept = np.unique(np.linspace(0, len(time_s) - 1, min(POINTS, len(time_s))).astype(int))
+    run: dict = {"time": np.round(time_s[kept], 6).tolist(), "attitude": None,
+                 "lines": [view.data(kept) for view in lines]}
     if quaternion is not None:
-        kept = np.unique(np.linspace(0, len(time_s) - 1, min(POINTS, len(time_s))).astype(int))
-        attitude = {"time": np.round(time_s[kept], 4).tolist(), "quaternion": np.round(quaternion[kept], 4).tolist(),
-                    "enu": TO_ENU[frame], "up": -1 if frame == "NED" else 1}
+        run["attitude"] = {
+            "quaternion": [None if np.isnan(q[0]) else np.round(q, 4).tolist() for q in quaternion[kept]],
+            "enu": TO_ENU[frame], "names": LETTERS.get(frame, ("E", "N", "up")), "up": TO_ENU[frame][2][2]}
     rows = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in facts)
     source = files(__package__)
     text = Template((source / "page.html").read_text(encoding="utf-8")).substitute(
         title=html.escape(title), facts=rows, script=(source / "page.js").read_text(encoding="utf-8"),
         # The text of a script must not contain the end of the script.
-        attitude=json.dumps(attitude, allow_nan=False).replace("</", "<\\/"),
+        run=json.dumps(run, allow_nan=False).replace("</", "<\\/"),
         figure=figure.to_html(full_html=False, include_plotlyjs=True, div_id="curves",
                               config={"responsive": True, "displaylogo": False}))
     path.write_text(text, encoding="utf-8")
@@ -123,8 +169,9 @@ def _figure(time_s, panels, status, gaps):
             figure.add_trace(Scatter(
                 x=time, y=values, name=curve.name, legendgroup=curve.name, connectgaps=False,
                 showlegend=all(curve.name != other.name for above in panels[:row - 1] for other in above.curves),
-                mode="markers" if curve.points else "lines",
-                marker={"size": 3, "color": colour}, line={"width": curve.width, "color": colour}), row=row, col=1)
+                mode="markers" if curve.points else "lines+markers" if few(values) else "lines",
+                marker={"size": 5 + curve.width if few(values) else 3, "color": colour},
+                line={"width": curve.width, "color": colour}), row=row, col=1)
         figure.update_yaxes(title_text=panel.title, type="log" if panel.logarithmic else "linear",
                             exponentformat="power", row=row, col=1)
     for name, bits in status.items():
@@ -142,8 +189,8 @@ def _figure(time_s, panels, status, gaps):
     figure.update_xaxes(title_text="time (s)", row=len(heights), col=1)
     figure.update_xaxes(range=[float(time_s[0]), float(time_s[-1])], showspikes=True, spikemode="across",
                         spikethickness=1, spikecolor="#888888")
-    figure.update_layout(height=sum(heights) + 140, hovermode="x unified", hoversubplots="axis",
-                         template="plotly_white", margin={"l": 90, "r": 20, "t": 60, "b": 50},
+    figure.update_layout(height=sum(heights) + 140, hovermode="x unified", hoverlabel={"namelength": -1},
+                         template="plotly_white", margin={"l": 90, "r": 40, "t": 60, "b": 50},
                          modebar={"orientation": "v"},
                          legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "x": 0})
     return figure
@@ -162,7 +209,7 @@ def _reduced(time_s, curve):
         kept = np.unique(np.array(extremes, int))
     time, values = time_s[kept], values[kept]
     if curve.turns and not curve.points:
-        values[1:][np.abs(np.diff(values)) > 180] = np.nan
+        values = without_jumps(values)
     return time, values
 
 
