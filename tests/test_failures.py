@@ -228,10 +228,13 @@ def test_ctrl_c_ends_the_simulation_too(recording, tmp_path):
 
 # Contents of the samples.
 
-@pytest.mark.parametrize("option", [["--html"], ["--bag", "mcap"]])
-def test_a_page_or_bag_of_several_channels_is_refused(recording, tmp_path, option):
-    result = run("replay", recording(), "--config", "thesis_x8", "--output", tmp_path / "out", *option)
-    assert_one_line(result, "--html and --bag show one sensor: replay it with --set channels=1")
+@pytest.mark.parametrize(("options", "told"), [
+    (["--config", "thesis_x8", "--waves", "0:1"], "--waves shows one sensor: replay it with --set channels=1"),
+    (["--waves", "1"], "--waves takes FROM:TO in seconds, as in --waves 2:2.5, not '1'"),
+    (["--waves", "a:b"], "--waves takes FROM:TO in seconds, as in --waves 2:2.5, not 'a:b'"),
+    (["--waves", "1:2"], "flight has no sample between 1 and 2 s: choose a stretch of its time, 0 to 0.19 s")])
+def test_waves_that_cannot_be_kept(recording, tmp_path, options, told):
+    assert_one_line(replay(recording(), tmp_path / "out", *options), told)
     assert not (tmp_path / "out").exists()
 
 

@@ -20,6 +20,7 @@ from .curves import ESTIMATE, HARDWARE, REFERENCE
 from .drivers.core import CoreModel
 from .drivers.stream import StreamModel
 from .drivers.toolchain import compiler, verilator_root
+from .drivers.verilated import Waves
 from .errors import (
     angle_difference,
     attitude_errors,
@@ -33,7 +34,7 @@ from .errors import (
 from .navigation import exact_attitude, navigation_inputs, start_of, track_errors, track_picture
 from .page import Curve, Panel, require_plotly, write_page
 from .picture import attitude_picture, outputs_picture
-from .recordings import Recording
+from .recordings import Recording, RecordingError
 from .reference.attitude import euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS
 from .truth import REFERENCES
@@ -68,6 +69,7 @@ class Replay:
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
            command: Sequence[str], html: bool = False, bag: str | None = None,
+           waves: tuple[float, float] | None = None,
            progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
@@ -80,7 +82,9 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     - for a module in REFERENCES, which has an independent float64 reference: ``attitude.csv`` (t in seconds; q from
       sensor to earth; pitch, roll, yaw in degrees) and ``attitude.png``;
     - for any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``;
-    - if asked, ``replay.html``: one self-contained page with all curves, the status bits, and a turning attitude.
+    - if asked, ``replay.html``: one self-contained page with all curves, the status bits, and a turning attitude;
+    - if asked, ``replay.vcd``: a waveform of the updates of a stretch of the recording. Each update begins at the time
+      of its sample, and has a clock period of 10 ns. The time counts from the first sample, if that has a negative one.
 
     The files are moved into the folder after all are written. If the replay fails or is interrupted, the folder does
     not change.
@@ -100,6 +104,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         Whether to write ``replay.html``. Needs plotly.
     bag : str or None
         A key of ``BAGS``: writes the attitude with the samples as sensor_msgs/Imu. Needs rosbags.
+    waves : (float, float) or None
+        Ends of the stretch of ``replay.vcd``, seconds on the clock of the recording.
     progress : callable or None
         ``progress(stage, done, total)``, called from time to time; stages are "build", "simulate", "compare".
 
@@ -108,18 +114,15 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     Replay
 
     Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError for a page without plotly,
-    MissingRosbagsError for a bag without rosbags, and ConfigError for a configuration of several channels, with inputs
-    that a recording does not have, or without an attitude for a bag, before any file is made; ToolError if g++ or
-    Verilator fails; OSError if files cannot be written.
+    MissingRosbagsError for a bag without rosbags, RecordingError if there is no sample in the stretch of ``waves``, and
+    ConfigError for a configuration of several channels, with inputs that a recording does not have, or without an
+    attitude for a bag, before any file is made; ToolError if g++ or Verilator fails; OSError if files cannot be
+    written.
     """
-    compiler()
-    verilator_root()
-    if html:
-        require_plotly()
-    if bag:
-        require_rosbags()
+    _check_tools(html, bag)
     progress = progress or (lambda stage, done, total: None)
     count = len(recording.time_s)
+    stretch = None if waves is None else _stretch(recording, *waves)
 
     progress("build", 0, 1)
     module = main_module(config)
@@ -132,16 +135,23 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     core = make_core(module, config)
     system = core.system
     with written_together(Path(directory)) as partial:
-        model = CoreModel(core, write_core(core, config, partial, _command(command, module, config)), build)
+        verilog = write_core(core, config, partial, _command(command, module, config))
+        kept: dict = {} if stretch is None else {"waves": _waves(partial / WAVES, recording, stretch)}
+        model = CoreModel(core, verilog, build, **dict.fromkeys(kept, True))
         progress("build", 1, 1)
 
-        result = model.update(inputs, progress=lambda done: progress("simulate", done, count))
+        result = model.update(inputs, progress=lambda done: progress("simulate", done, count), **kept)
 
         progress("compare", 0, 2)
         outputs, differing = system.read(result), model.differing_bits(inputs, result)
         progress("compare", 1, 2)
         bits = _status_bits(core.engine, result)
         summary = _summary(recording, config, core, count, bits, differing)
+        if stretch is not None:
+            summary["waves"] = {
+                "file": WAVES, "updates": [stretch.start + 1, stretch.stop], "clock_period_ns": 10,
+                "from_s": float(recording.time_s[stretch.start]), "to_s": float(recording.time_s[stretch.stop - 1]),
+                "bytes": (partial / WAVES).stat().st_size}
         title = f"{recording.name}: {module}, configuration {config.name}, {recording.sample_rate_hz:g} Hz"
         if module in REFERENCES:
             truth = _truth(module, config, recording, system)
@@ -150,23 +160,18 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
                                               encoding="utf-8")
-        if bag:
-            write_bag(partial, bag, recording, found.quaternion, getattr(config, "frame", "NWU"))
-        if html:
-            write_page(partial / "replay.html", title=title, time_s=recording.time_s, panels=found.panels, status=bits,
-                       gaps=_bridged(recording), quaternion=found.quaternion, frame=getattr(config, "frame", "NWU"),
-                       facts=_facts(found.summary))
+        _write_asked(partial, recording, config, found, title, bits, html=html, bag=bag)
     progress("compare", 2, 2)
     return found
 
 
 def replay_channels(recordings: Sequence[Recording], config: Config, directory: str | os.PathLike, *,
-                    build: str | os.PathLike, command: Sequence[str],
+                    build: str | os.PathLike, command: Sequence[str], html: bool = False, bag: str | None = None,
                     progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run recordings of several IMUs through a core for several channels, the first one in channel 0, and so on.
 
     Each channel gets one sample after the other in turn; channels without a recording get none. The function writes
-    what ``replay`` writes, with the results of each channel in a folder ``channel_0``, ....
+    what ``replay`` writes, with the results of each channel, its page and its bag too, in a folder ``channel_0``, ....
 
     Parameters
     ----------
@@ -174,7 +179,7 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
         On one time axis, as from ``recordings_of``; at most as many as the core has channels.
     config : Config
         A configuration of several channels, whose core has an independent reference.
-    directory, build, command, progress
+    directory, build, command, html, bag, progress
         See ``replay``.
 
     Returns
@@ -184,8 +189,7 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
 
     Raises: as ``replay``.
     """
-    compiler()
-    verilator_root()
+    _check_tools(html, bag)
     progress = progress or (lambda stage, done, total: None)
     progress("build", 0, 1)
     first, lanes, count = recordings[0], len(recordings), len(recordings[0].time_s)
@@ -204,7 +208,8 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
                               progress=lambda done: progress("simulate", done // lanes, count))
         progress("compare", 0, 2)
         differing = model.differing_bits(inputs, result)
-        summary = _summary(first, config, core, count * lanes, _status_bits(core.engine, result), differing)
+        status = _status_bits(core.engine, result)
+        summary = _summary(first, config, core, count * lanes, status, differing)
         summary["channels"] = {}
         replays = []
         for channel, recording in enumerate(recordings):
@@ -212,14 +217,38 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
             folder.mkdir()
             rows = result["out_channel"] == channel
             outputs = system.read({port: result[port][rows] for port in system.output_ports})
-            own: dict = {}
+            bits = {name: values[rows] for name, values in status.items()}
+            own = _summary(recording, config, core, count, bits, differing)
             title = f"{recording.name}: channel {channel} of {module}, {recording.sample_rate_hz:g} Hz"
             truth = _truth(single, config, recording, system)
-            replays.append(_attitude(recording, config, outputs, truth, folder, title, own))
-            summary["channels"][str(channel)] = {"recording": recording.name, **own}
+            found = _attitude(recording, config, outputs, truth, folder, title, own)
+            _write_asked(folder, recording, config, found, title, bits, html=html, bag=bag)
+            replays.append(found)
+            summary["channels"][str(channel)] = {
+                name: value for name, value in own.items() if name == "recording" or summary.get(name) != value}
         (partial / "summary.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     progress("compare", 2, 2)
     return replace(replays[0], summary=summary)
+
+
+def _check_tools(html, bag):
+    """Raises: what ``replay`` raises for programs and packages that are missing."""
+    compiler()
+    verilator_root()
+    if html:
+        require_plotly()
+    if bag:
+        require_rosbags()
+
+
+def _write_asked(folder, recording, config, found, title, bits, *, html, bag):
+    """Write page and bag of a Replay to a folder, if asked; ``bits``: the status of its updates, by name."""
+    frame = getattr(config, "frame", "NWU")
+    if bag:
+        write_bag(folder, bag, recording, found.quaternion, frame)
+    if html:
+        write_page(folder / "replay.html", title=title, time_s=recording.time_s, panels=found.panels, status=bits,
+                   gaps=_bridged(recording), quaternion=found.quaternion, frame=frame, facts=_facts(found.summary))
 
 
 def _command(command, module, config):
@@ -228,6 +257,27 @@ def _command(command, module, config):
         return ""
     inputs_set = (word for name in TIMED_INPUTS if getattr(config, name, False) for word in ("--set", f"{name}=true"))
     return shlex.join([*command, "--module", module, "--set", f"sample_rate_hz={config.sample_rate_hz!r}", *inputs_set])
+
+
+WAVES = "replay.vcd"
+"""Name of the waveform."""
+
+
+def _stretch(recording, from_s, to_s):
+    """The samples between two times, as a slice. Raises: RecordingError without one."""
+    first, last = recording.time_s[[0, -1]]
+    stretch = slice(*np.searchsorted(recording.time_s, [from_s, np.nextafter(to_s, np.inf)]).tolist())
+    if stretch.start >= stretch.stop:
+        raise RecordingError(f"{recording.name} has no sample between {from_s:g} and {to_s:g} s: choose a stretch of "
+                             f"its time, {first:.6g} to {last:.6g} s")
+    return stretch
+
+
+def _waves(path, recording, stretch):
+    """The waveform of the updates of a stretch, which begin at the times of their samples."""
+    time_ns = np.full(len(recording.time_s), -1)
+    time_ns[stretch] = np.rint(1e9 * (recording.time_s[stretch] - min(recording.time_s[0], 0.0)))
+    return Waves(path, time_ns)
 
 
 def _summary(recording, config, core, count, bits, differing):

@@ -1,17 +1,19 @@
 """Whole recordings through the circuit."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from vcd.reader import TokenKind, tokenize
 
 from strapdown.config import ConfigError
-from strapdown.cores import CONFIGS, FLIGHT_6AXIS, MAHONY, THESIS_X8, main_module
+from strapdown.cores import CONFIGS, FLIGHT_6AXIS, MAHONY, QUATERNION_J2, THESIS_X8, main_module
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
 from strapdown_sim.errors import angle_difference, attitude_errors, match_reference
-from strapdown_sim.recordings import Log, Stream, read_recording, recording_of, recordings_of
+from strapdown_sim.recordings import Log, RecordingError, Stream, read_recording, recording_of, recordings_of
 from strapdown_sim.replay import for_recording, port_inputs, replay, replay_channels
 from strapdown_sim.truth import REFERENCES
 
@@ -108,6 +110,70 @@ def test_a_configuration_can_refuse_the_period():
     assert recording.timing.one_rate_error_deg == pytest.approx(90 * 30 * (1 / recording.sample_rate_hz - 0.005))
 
 
+def values_in(path, scope, port):
+    """Times in ns and values of a port in a waveform, by pyvcd, which is independent of Verilator."""
+    scopes, code, now, found = [], None, 0, []
+    with path.open("rb") as file:
+        for token in tokenize(file):
+            if token.kind is TokenKind.SCOPE:
+                scopes.append(token.scope.ident)
+            elif token.kind is TokenKind.UPSCOPE:
+                scopes.pop()
+            elif token.kind is TokenKind.VAR and (scopes[-1], token.var.reference) == (scope, port):
+                code = token.var.id_code
+            elif token.kind is TokenKind.TIMESCALE:
+                assert (token.timescale.magnitude.value, token.timescale.unit.value) == (1, "ns")
+            elif token.kind is TokenKind.CHANGE_TIME:
+                now = token.time_change
+            elif token.kind in (TokenKind.CHANGE_VECTOR, TokenKind.CHANGE_SCALAR):
+                change = token.vector_change if token.kind is TokenKind.CHANGE_VECTOR else token.scalar_change
+                if change.id_code == code:
+                    found.append((now, int(change.value)))
+    return np.array(found).T
+
+
+@pytest.mark.verilator
+def test_waves_of_a_stretch(tmp_path, models):
+    """The ports of each update in the waveform have the values of outputs.csv and of the recording."""
+    recording = turning(np.repeat([0.01, 0.005], 30))
+    result = replay(recording, QUATERNION_J2, tmp_path, build=models, command=(), waves=(0.1, 0.35))
+    assert result.summary["bits_differing_from_twin"] == 0
+    rows = np.flatnonzero((recording.time_s >= 0.1) & (recording.time_s <= 0.35))
+    kept = result.summary["waves"]
+    assert kept["file"] == "replay.vcd"
+    assert kept["updates"] == [rows[0] + 1, rows[-1] + 1]
+    assert (kept["from_s"], kept["to_s"]) == (recording.time_s[rows[0]], recording.time_s[rows[-1]])
+    path = tmp_path / "replay.vcd"
+    assert kept["bytes"] == path.stat().st_size
+    table = np.genfromtxt(tmp_path / "outputs.csv", delimiter=",", names=True)
+
+    def at(port, time_ns):
+        """Values that a port has at times."""
+        changed, values = values_in(path, "QUAT_direct", port)
+        return values[np.searchsorted(changed, time_ns, side="right") - 1]
+
+    changed, levels = values_in(path, "QUAT_direct", "out_quat_finish")
+    finished = changed[1:][np.diff(levels) > 0]
+    begin = np.rint(1e9 * recording.time_s[rows]).astype(int)
+    # The edge that takes the inputs is half a period of 10 ns after the begin; then come the cycles of the latency.
+    assert (finished - begin - 5 == 10 * result.summary["cycles_per_update"]).all()
+    for index in range(4):
+        numbers = at(f"out_e{index}", finished).astype(np.uint32).view(np.float32)
+        assert [f"{number:.9f}" for number in numbers] == [f"{number:.9f}" for number in table[f"e{index}"][rows]]
+    assert at("in_rate_en", begin).all()
+    rate = at("in_r", begin).astype(np.uint32).view(np.float32)
+    assert np.array_equal(rate, np.radians(recording.gyro_deg_s[rows, 2]).astype(np.float32))
+
+
+def test_waves_of_no_sample(tmp_path):
+    recording = turning(np.repeat([0.01, 0.005], 30))
+    for stretch in (1, 2), (0.3, 0.2), (-2, -1):
+        with pytest.raises(RecordingError, match=r"^turning has no sample between \S+ and \S+ s: choose a "
+                                                 r"stretch of its time, 0 to 0\.44 s$"):
+            replay(recording, QUATERNION_J2, tmp_path / "out", build=tmp_path, command=(), waves=stretch)
+    assert not (tmp_path / "out").exists()
+
+
 def test_px4_tilt(shared_logs):
     recording = read_recording(shared_logs / "px4_small.ulg")
     truth = right_answer(recording, "flight")
@@ -127,7 +193,7 @@ def test_several_imus_of_a_log_share_a_core(tmp_path, models):
         Stream("gyro", "three", time_s[::4], np.tile([0, 0, 9.0], (10, 1)))))
     recordings = recordings_of(log, 8)
     assert [recording.name for recording in recordings] == ["three", "three, two"]
-    result = replay_channels(recordings, THESIS_X8, tmp_path / "out", build=models, command=())
+    result = replay_channels(recordings, THESIS_X8, tmp_path / "out", build=models, command=(), html=True, bag="mcap")
     assert result.summary["bits_differing_from_twin"] == 0
     assert result.summary["samples"] == 80
     for channel in "01":
@@ -136,6 +202,19 @@ def test_several_imus_of_a_log_share_a_core(tmp_path, models):
                   .splitlines()[-1].rpartition(",")[2]) for channel in range(2)]
     assert ends[0] == pytest.approx(50 * 0.4, abs=0.1)
     assert ends[1] == pytest.approx(360 - 50 * 0.4, abs=0.1)
+    for channel, end in enumerate(ends):
+        folder = tmp_path / "out" / f"channel_{channel}"
+        page = (folder / "replay.html").read_text(encoding="utf-8")
+        assert f"<th>recording</th><td>{recordings[channel].name}</td>" in page
+        assert "<th>samples</th><td>40 at 100 Hz</td>" in page
+        assert "magnetometer_missing" in page
+        (run,) = (json.loads(data) for data in re.findall(r"const run = (.*);</script>", page))
+        *_, (w, _, _, z) = run["attitude"]["quaternion"]
+        # Two numbers of four decimals make an angle.
+        assert 2 * np.degrees(np.arctan2(z, w)) % 360 == pytest.approx(end, abs=0.02)
+        again = read_recording(folder / "imu")
+        assert len(again.time_s) == 40
+        assert again.gyro_deg_s[5, 2] == pytest.approx(recordings[channel].gyro_deg_s[5, 2])
 
 
 @pytest.mark.verilator

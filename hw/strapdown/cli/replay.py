@@ -60,9 +60,12 @@ def _pairs(columns):
 @click.option("--bag", type=click.Choice(["mcap", "ros1"]),
               help="Also write the attitude with the samples as sensor_msgs/Imu: a folder imu with MCAP for ROS 2, or "
                    "imu.bag for ROS 1.")
+@click.option("--waves", metavar="FROM:TO",
+              help="Also write replay.vcd, a waveform of the updates between two times, in seconds as in the column t "
+                   "of the results. GTKWave and Surfer open it.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def replay(recording, config_name, changes, output, choice, html, bag, build):
+def replay(recording, config_name, changes, output, choice, html, bag, waves, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
     RECORDING is a log of one of the formats of docs/recordings.md; 'strapdown inspect' shows what is in it. The core is
@@ -77,8 +80,9 @@ def replay(recording, config_name, changes, output, choice, html, bag, build):
     from strapdown_sim.replay import replay_channels
 
     config, _, options = target_of(None, config_name, changes)
-    if config.channels > 1 and (html or bag):
-        raise UserError("--html and --bag show one sensor: replay it with --set channels=1")
+    if config.channels > 1 and waves:
+        raise UserError("--waves shows one sensor: replay it with --set channels=1")
+    stretch = None if waves is None else _stretch(waves)
     try:
         log = read_log(recording, **{name: value for name, value in choice.items() if name not in MERGED})
         recordings = recordings_of(log, config.channels, **{
@@ -92,17 +96,27 @@ def replay(recording, config_name, changes, output, choice, html, bag, build):
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
-                common = {"build": build, "progress": progress, "command": ("strapdown", "generate", *options)}
+                common = {"build": build, "html": html, "bag": bag, "progress": progress,
+                          "command": ("strapdown", "generate", *options)}
                 if config.channels > 1:
                     result = replay_channels(recordings, config, output, **common)
                 else:
-                    result = run(data, config, output, html=html, bag=bag, **common)
-        except (SimulatorMissingError, MissingPlotlyError, MissingRosbagsError, ConfigError) as error:
+                    result = run(data, config, output, waves=stretch, **common)
+        except (RecordingError, SimulatorMissingError, MissingPlotlyError, MissingRosbagsError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)
     if result.summary["refused_updates"] == result.summary["samples"]:
         raise UserError("all updates were refused: numbers are not finite, or too large for the core's format, so "
                         "the outputs are those after reset")
+
+
+def _stretch(text):
+    """Ends of a stretch FROM:TO, seconds. Raises: UserError."""
+    try:
+        first, last = (float(word) for word in text.split(":"))
+    except ValueError:
+        raise UserError(f"--waves takes FROM:TO in seconds, as in --waves 2:2.5, not {text!r}") from None
+    return first, last
 
 
 def _print_summary(summary, output):
@@ -142,6 +156,11 @@ def _print_summary(summary, output):
                  for name in ("horizontal", "vertical")]
     if start := summary.get("start"):
         rows.append(("start", start))
+    if waves := summary.get("waves"):
+        first, last = waves["updates"]
+        rows += [("waveform", f"updates {first:,} to {last:,}, t = {waves['from_s']:.6f} to {waves['to_s']:.6f} s, "
+                              f"{waves['bytes'] / 1e6:.3g} MB"),
+                 ("open it with", f"gtkwave {output / waves['file']}, or surfer {output / waves['file']}")]
     rows.append(("written to", str(output)))
     show_table(rows)
 

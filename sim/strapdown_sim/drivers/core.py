@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from strapdown.cores import Core
 from strapdown.kernel.refusals import Refusals
 
-from .verilated import Interface, VerilatedModel
+from .verilated import Interface, VerilatedModel, Waves
 
 __all__ = ["CoreModel", "state_bits"]
 
@@ -43,9 +43,12 @@ class CoreModel:
         Its Verilog file.
     build : Path
         Folder for compiled models.
+    waves : bool
+        See VerilatedModel.
     """
 
-    def __init__(self, core: Core, verilog: str | os.PathLike, build: str | os.PathLike) -> None:
+    def __init__(self, core: Core, verilog: str | os.PathLike, build: str | os.PathLike, *,
+                 waves: bool = False) -> None:
         self.core = core
         system, program = core.system, core.engine.program
         self._format = program.format
@@ -55,9 +58,9 @@ class CoreModel:
                   for index, word in enumerate(self._state) for bank in (0, 1)}
         if probes:
             probes |= {name: (f"{system.name}_engine", name, engine + name) for name in ("bank", "fresh")}
-        self._model = VerilatedModel(verilog, Interface.of_core(core, probes=probes), build)
+        self._model = VerilatedModel(verilog, Interface.of_core(core, probes=probes), build, waves=waves)
 
-    def update(self, inputs: Mapping[str, ArrayLike], *,
+    def update(self, inputs: Mapping[str, ArrayLike], *, waves: Waves | None = None,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One update per sample, in order, from reset.
 
@@ -65,6 +68,8 @@ class CoreModel:
         ----------
         inputs : dict
             Input port to numbers, shape (N,), in the port's unit; rounded to the core's format, or integers.
+        waves : Waves or None
+            Waveform of some updates, from a model that was made with ``waves``.
         progress : callable or None
             Called from time to time with the number of updates done.
 
@@ -77,7 +82,7 @@ class CoreModel:
         fmt, system = self._format, self.core.system
         with np.errstate(all="ignore"):
             bits = {port: system.input_bits(port, fmt, inputs[port]) for port in system.input_ports}
-        answer = self._model.transact(bits, limit=2 * self.core.latency, progress=progress)
+        answer = self._model.transact(bits, limit=2 * self.core.latency, waves=waves, progress=progress)
         result = {port: fmt.from_bits(answer[port].astype(fmt.bits_dtype)) for port in system.output_ports}
         result["cycles"] = answer["cycles"].astype(int)
         if system.status_port:

@@ -6,6 +6,10 @@
 //   MODEL transact LIMIT
 //                   each row is one START..FINISH transaction; the answer holds the outputs when
 //                   FINISH has risen, the probes, and the cycles it took (0: not within LIMIT)
+//   MODEL transact LIMIT FILE
+//                   with KEEP_WAVES, in place of that: before the words of a row comes its time in ns,
+//                   or ~0; the cycles of rows with a time are written to a waveform file, from that
+//                   time on, or from the end of the row before
 //   MODEL offer LIMIT
 //                   each row is the cycles to wait (~0: reset), and a sample to offer until READY;
 //                   the answer, at each FINISH, holds the outputs, the probes, the number of the row
@@ -23,11 +27,47 @@
 
 static MODEL_TYPE *dut;
 
+#ifdef KEEP_WAVES
+#include "verilated_vcd_c.h"
+
+static const uint64_t HALF_NS = 5;
+static VerilatedVcdC *waves;
+static uint64_t now;
+static bool shown;
+
+static void open_waves(const char *file) {
+    waves = new VerilatedVcdC;
+    waves->set_time_unit("1ns");
+    waves->set_time_resolution("1ns");
+    dut->trace(waves, 99);
+    waves->open(file);
+}
+
+static void record() {
+    if (!shown) return;
+    waves->dump(now);
+    now += HALF_NS;
+}
+
+static bool read_time() {
+    uint64_t time;
+    if (fread(&time, sizeof time, 1, stdin) != 1) return false;
+    shown = time != ~uint64_t(0);
+    if (shown && time > now) now = time;
+    return true;
+}
+#else
+static void record() {}
+static bool read_time() { return true; }
+#endif
+
 static void tick() {
     dut->CLOCK = 0;
     dut->eval();
+    record();
     dut->CLOCK = 1;
     dut->eval();
+    record();
 }
 
 static void reset() {
@@ -71,7 +111,7 @@ static void stream() {
 #ifdef START
 static void transact(uint64_t limit) {
     uint64_t in[INPUT_COUNT + 1], out[OUTPUT_COUNT + PROBE_COUNT + 1];
-    while (read_row(in)) {
+    while (read_time() && read_row(in)) {
         drive(in);
         dut->START = 1;
         tick();
@@ -147,6 +187,9 @@ static bool offer(uint64_t limit) {
 #endif
 
 int main(int argc, char **argv) {
+#ifdef KEEP_WAVES
+    Verilated::traceEverOn(true);
+#endif
     dut = new MODEL_TYPE;
     static char buffer[1 << 16];
     setvbuf(stdout, buffer, _IOFBF, sizeof buffer);
@@ -156,7 +199,12 @@ int main(int argc, char **argv) {
     reset();
     if (argc == 2 && !strcmp(argv[1], "stream")) {
         stream();
-#ifdef START
+#ifdef KEEP_WAVES
+    } else if (argc == 4 && !strcmp(argv[1], "transact")) {
+        open_waves(argv[3]);
+        transact(strtoull(argv[2], nullptr, 10));
+        waves->close();
+#elif defined START
     } else if (argc == 3 && !strcmp(argv[1], "transact")) {
         transact(strtoull(argv[2], nullptr, 10));
 #endif

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from ..cache import Cache, digest
 from .toolchain import compile_flags, compiler, run_tool, verilator_environment, verilator_root, verilator_runtime
 
-__all__ = ["Interface", "VerilatedModel"]
+__all__ = ["Interface", "VerilatedModel", "Waves"]
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,23 @@ class Interface:
         return "\n".join(lines) + "\n"
 
 
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """What a model writes to a waveform file (VCD), with a clock period of 10 ns.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    time_ns : ndarray of int64, shape (N,)
+        Time at which each transaction begins in the file, ns; -1 for one that is left out. One that begins before the
+        end of the one before follows on it.
+    """
+
+    path: Path
+    time_ns: np.ndarray
+
+
 class VerilatedModel:
     """A module translated by Verilator, compiled, and run as a child process.
 
@@ -103,6 +120,8 @@ class VerilatedModel:
     build : Path
         Folder for everything that is made; a model whose modules and interface did not change
         is not built again.
+    waves : bool
+        Whether the model keeps a waveform in ``transact``. It is slower, and a build of its own.
 
     Raises: SimulatorMissingError without Verilator or g++, before anything is made; ToolError if they fail.
     """
@@ -111,14 +130,16 @@ class VerilatedModel:
     # More flags of g++.
     FLAGS: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, verilog: str | os.PathLike, interface: Interface, build: str | os.PathLike) -> None:
-        self.interface = interface
+    def __init__(self, verilog: str | os.PathLike, interface: Interface, build: str | os.PathLike, *,
+                 waves: bool = False) -> None:
+        self.interface, self._waves = interface, waves
+        self._flags = (*self.FLAGS, *(["-DKEEP_WAVES"] if waves else []))
         build = Path(build).resolve()
         driver = self.DRIVER.read_text(encoding="utf-8")
         # A header of another wording makes the same model.
         modules = re.sub(r"^//.*\n", "", Path(verilog).read_text(encoding="utf-8"), flags=re.MULTILINE)
         key = digest(modules, interface.header(), interface.access(), driver,
-                     *self.FLAGS, str(verilator_root()))[:16]
+                     *self._flags, str(verilator_root()))[:16]
 
         def make(folder):
             compiler()
@@ -134,8 +155,8 @@ class VerilatedModel:
         root = verilator_root()
         # The script beside it does not quote its own path, which may have spaces.
         run_tool([root / "bin" / "verilator_bin", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
-                  "--no-timing", "--top-module", self.interface.top, "--Mdir", partial, partial / "probes.vlt",
-                  verilog],
+                  "--no-timing", *(["--trace-vcd"] if self._waves else []), "--top-module", self.interface.top,
+                  "--Mdir", partial, partial / "probes.vlt", verilog],
                  environment=verilator_environment())
         # One translation unit, because the headers of Verilator are longer than its code for a core. The parts that
         # Verilator calls slow run once, but g++ would take the longest time to optimise them.
@@ -145,8 +166,9 @@ class VerilatedModel:
         (partial / "all.cc").write_text("\n".join(
             [*(f'#include "{name}"' for name in fast), '#pragma GCC optimize("O0")',
              *(f'#include "{name}"' for name in slow), ""]), encoding="utf-8")
-        run_tool([compiler(), *compile_flags(), *self.FLAGS, f"-I{partial}", "-include", header, partial / "all.cc",
-                  *objects, "-o", partial / "model"])
+        sources = [partial / "all.cc", *([root / "include" / "verilated_vcd_c.cpp"] if self._waves else [])]
+        run_tool([compiler(), *compile_flags(), *self._flags, f"-I{partial}", "-include", header, *sources, *objects,
+                  "-o", partial / "model"])
 
     def stream(self, stimulus: Mapping[str, ArrayLike], *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
@@ -167,15 +189,17 @@ class VerilatedModel:
         return self._run(["stream"], stimulus, self.interface.outputs, progress)
 
     def transact(self, stimulus: Mapping[str, ArrayLike], *, limit: int = 10_000,
-                 progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
+                 waves: Waves | None = None, progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:
         """One row per transaction: start for one cycle, wait for finish, at most ``limit`` cycles.
 
         Inputs are inverted immediately after the edge that takes them. The result has a key per output
         and per probe, and ``cycles``: clock edges from the edge that takes the inputs until finish is high.
+        ``waves`` says what a model made with ``waves`` keeps.
         Raises: RuntimeError if finish did not rise within ``limit``.
         """
         names = (*self.interface.outputs, *self.interface.probes, "cycles")
-        answer = self._run(["transact", str(limit)], stimulus, names, progress)
+        answer = self._run(["transact", str(limit), *([waves.path] if waves else [])], stimulus, names, progress,
+                           before=waves.time_ns if waves else None)
         late = np.flatnonzero(answer["cycles"] == 0)
         if late.size:
             raise RuntimeError(f"{self.interface.top}: no {self.interface.finish} within {limit} cycles "
@@ -203,9 +227,11 @@ class VerilatedModel:
             Raises: RuntimeError beyond ``limit``.
         """
         names = (*self.interface.outputs, *self.interface.probes, "row", "taken", "finished")
-        return self._run(["offer", str(limit)], stimulus, names, progress, before=np.asarray(idle, dtype=np.int64))
+        # After a reset some samples have no result.
+        return self._run(["offer", str(limit)], stimulus, names, progress, before=np.asarray(idle, dtype=np.int64),
+                         fewer=True)
 
-    def _run(self, arguments, stimulus, names, progress, *, before=None):
+    def _run(self, arguments, stimulus, names, progress, *, before=None, fewer=False):
         unknown = set(stimulus) - set(self.interface.inputs)
         if unknown:
             raise ValueError(f"{self.interface.top} has no input {', '.join(sorted(unknown))}")
@@ -216,8 +242,7 @@ class VerilatedModel:
                 rows[:, column] = stimulus[name]
         if before is not None:
             rows = np.column_stack([before.view("<u8"), rows])
-        # After a reset some samples have no result.
-        return self._answer(arguments, rows, names, progress, fewer=before is not None)
+        return self._answer(arguments, rows, names, progress, fewer=fewer)
 
     def _answer(self, arguments, rows, names, progress=None, *, fewer=False):
         """What the model answers to rows of numbers: name to column, one row for each, or ``fewer``."""
