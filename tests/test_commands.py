@@ -36,6 +36,8 @@ from strapdown_sim.drivers.storage import REGISTER, Storage
 from strapdown_sim.instrument.calibration import SET_B
 from strapdown_sim.reference.optical import pixels_of_angles
 
+from .twin import TwinModel
+
 PROGRAMS = r"(?:make|strapdown|pip|python -m \S+|scripts/\S+\.(?:py|sh))"
 
 
@@ -70,24 +72,6 @@ def frames():
     """Bytes in the form of the serial link."""
     sender = FrameSender(NAVIGATION.number, 36, clock_hz=1e8, baud_rate=921_600)
     return b"".join(sender.compute(counter, 0, np.arange(9, dtype="<f4").tobytes()) for counter in range(5))
-
-
-class TwinModel:
-    """The twin in place of the Verilated circuit, because these tests are about commands; others compare the two."""
-
-    def __init__(self, core, verilog, build):
-        assert Path(verilog).exists()
-        self.core = core
-
-    def update(self, inputs, *, progress):
-        system = self.core.system
-        result, _ = system.run(self.core.engine.program.schedule.pool, inputs)
-        count = len(next(iter(inputs.values())))
-        progress(count)
-        return result | {"cycles": np.full(count, self.core.latency), system.status_port: np.zeros(count, dtype=int)}
-
-    def differing_bits(self, inputs, result):
-        return 0
 
 
 class SilentPins:

@@ -18,6 +18,8 @@ from strapdown.cli import main
 from strapdown.export import CircuitError
 from strapdown.tools import ToolError
 
+from .twin import TwinModel
+
 HEADER = ("Time (s),Gyroscope X (deg/s),Gyroscope Y (deg/s),Gyroscope Z (deg/s),"
           "Accelerometer X (g),Accelerometer Y (g),Accelerometer Z (g),"
           "Magnetometer X (uT),Magnetometer Y (uT),Magnetometer Z (uT)")
@@ -32,24 +34,6 @@ def run(*arguments):
 def assert_one_line(result, message, status=2):
     assert result.exit_code == status, result.output
     assert result.stderr == f"strapdown: {message}\n"
-
-
-class TwinModel:
-    """The twin in place of the Verilated circuit, so that no compiler is needed; other tests compare the two."""
-
-    def __init__(self, core, verilog, build):
-        self.core = core
-
-    def update(self, inputs, *, progress):
-        system, engine = self.core.system, self.core.engine
-        result, _ = system.run(engine.program.schedule.pool, inputs)
-        count = len(result["refused"])
-        status = sum(np.asarray(result.get(name, np.zeros(count, bool))).astype(int) << bit
-                     for bit, name in enumerate(engine.status_names))
-        return result | {"cycles": np.full(count, self.core.latency), system.status_port: status}
-
-    def differing_bits(self, inputs, result):
-        return 0
 
 
 def empty_verilog(component, name, **options):
@@ -194,7 +178,7 @@ from strapdown_sim.drivers.verilated import VerilatedModel
 
 model = sys.argv.pop(1)
 
-def __init__(self, verilog, interface, build):
+def __init__(self, verilog, interface, build, **options):
     self.interface, self._executable = interface, model
 
 VerilatedModel.__init__ = __init__

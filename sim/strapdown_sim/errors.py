@@ -51,6 +51,11 @@ class Match(NamedTuple):
     q_ref: np.ndarray
     q_given: np.ndarray
 
+    @property
+    def turned(self):
+        """Whether a constant heading was removed."""
+        return self.q_ref is not self.q_given
+
 
 def multiply(p, q):
     """Hamilton product of quaternions, scalar first, shapes (..., 4) that broadcast."""
@@ -176,7 +181,7 @@ def remove_constant_heading(q_est, q_ref):
     return multiply((np.cos(psi / 2), 0.0, 0.0, -np.sin(psi / 2)), q_est)
 
 
-def match_reference(recording, q_s2nwu):
+def match_reference(recording, q_s2nwu, *, shared_heading=False):
     """Estimate and reference at the same times, in the same frame, ready for `attitude_errors`.
 
     Parameters
@@ -185,6 +190,8 @@ def match_reference(recording, q_s2nwu):
         With a reference.
     q_s2nwu : ndarray, shape (N, 4)
         Estimated orientation after each sample of the recording, sensor to NWU.
+    shared_heading : bool
+        Whether the estimate has its heading from the reference, so that there is no unknown constant.
 
     Returns
     -------
@@ -200,7 +207,7 @@ def match_reference(recording, q_s2nwu):
     if reference.frame == "ENU":
         q_ref = enu_to_nwu(q_ref)
     q_given = q_ref
-    if recording.mag is None or not reference.heading_known:
+    if not shared_heading and (recording.mag is None or not reference.heading_known):
         q_ref = remove_constant_heading(q_ref, q_est)
     return Match(sample, q_est, q_ref, q_given)
 

@@ -6,6 +6,7 @@ velocity from its position and velocity.
 """
 
 import os
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +17,12 @@ from strapdown.config import ConfigError
 
 from .curves import ESTIMATE, GRID, HARDWARE, few
 from .errors import conjugate, enu_to_nwu, multiply, spread
-from .recordings import Recording
+from .recordings import Recording, Track
+from .recordings.log import quaternion_from_angles, quaternion_from_ned
 from .reference.quaternion import cumulative, increment
 
-__all__ = ["Start", "exact_attitude", "navigation_inputs", "start_of", "track_errors", "track_picture"]
+__all__ = ["Beside", "Start", "exact_attitude", "has_attitude", "navigated_attitude", "navigation_inputs",
+           "position_beside", "start_of", "track_picture", "velocity_beside"]
 
 FLU_TO_RFU = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 """Vectors in forward, left, up as right, forward, up; and in north, west, up as east, north, up."""
@@ -35,10 +38,34 @@ EARTH_RADIUS_M = 6_371_000.0
 
 
 class Start(NamedTuple):
-    """Attitude at the first sample, body to NWU, scalar first, and where it comes from."""
+    """Attitude at the first sample, body to NWU, scalar first; where it comes from, and whether from the recording."""
 
     quaternion: np.ndarray
     source: str
+    recorded: bool
+
+
+class Beside(NamedTuple):
+    """A track of the log beside that of a core.
+
+    Fields
+    ------
+    sample : ndarray of int, shape (M,)
+        The recording's sample nearest to each point of the log's track.
+    recorded : ndarray, shape (M, 3)
+        The log's track.
+    horizontal, vertical : ndarray, shape (M,)
+        Magnitudes of the differences between both at the times of these points, m or m/s.
+    """
+
+    sample: np.ndarray
+    recorded: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+
+    def summary(self) -> dict:
+        """The differences for ``summary.json``."""
+        return {"points": len(self.sample), "horizontal": spread(self.horizontal), "vertical": spread(self.vertical)}
 
 
 def start_of(recording: Recording) -> Start:
@@ -48,12 +75,12 @@ def start_of(recording: Recording) -> Start:
         near = np.flatnonzero(reference.valid & (reference.time_s <= first + STARTING_S))
         if len(near):
             q = reference.quaternion[near[0]]
-            return Start(enu_to_nwu(q) if reference.frame == "ENU" else q, reference.meaning)
+            return Start(enu_to_nwu(q) if reference.frame == "ENU" else q, reference.meaning, True)
     force = recording.accel[recording.time_s <= first + STARTING_S].mean(axis=0)
     x, y, z = force / max(float(np.linalg.norm(force)), 1e-9)
     # The shortest turn that makes the force vertical; about x, if it points down.
     level = np.array([1 + z, y, -x, 0.0]) if z > -0.999 else np.array([0.0, 1, 0, 0])
-    return Start(level / np.linalg.norm(level), "level, heading zero")
+    return Start(level / np.linalg.norm(level), "level, heading zero", False)
 
 
 def navigation_inputs(recording: Recording, names: Any, module: str) -> dict[str, Any]:
@@ -89,6 +116,19 @@ def navigation_inputs(recording: Recording, names: Any, module: str) -> dict[str
         "start_q": multiply(multiply(QUARTER, start), conjugate(QUARTER))}
 
 
+def has_attitude(inputs: Any, outputs: Any) -> bool:
+    """Whether a core with these inputs and outputs, by the kernel's names, propagates an attitude from a start."""
+    return "load" in inputs and ("e" in outputs or "attitude" in outputs)
+
+
+def navigated_attitude(outputs: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Attitude of a core that propagates one, by the kernel's names of its outputs: sensor to NWU, shape (N, 4)."""
+    if "e" in outputs:
+        return outputs["e"].astype(float)
+    pitch, roll, heading = outputs["attitude"].astype(float).T
+    return quaternion_from_ned(quaternion_from_angles(roll, pitch, heading))
+
+
 def exact_attitude(recording: Recording) -> np.ndarray:
     """Attitude after each sample in float64, from the start by exact rotations at one rate, shape (N, 4)."""
     start = start_of(recording).quaternion
@@ -96,17 +136,27 @@ def exact_attitude(recording: Recording) -> np.ndarray:
     return np.concatenate([start[None], cumulative(start, turns)])
 
 
-def track_errors(recording: Recording, latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray) -> dict:
-    """Distance of a track (degrees, m, at all samples) from the recording's position, m: for ``summary.json``."""
-    place = recording.position
-    assert place is not None, "a navigator is only run on a recording with position"
-    inside = (place.time_s >= recording.time_s[0]) & (place.time_s <= recording.time_s[-1])
-    wanted, known = place.time_s[inside], place.values[inside]
-    north, east, up = (np.interp(wanted, recording.time_s, values) - axis for values, axis in zip(
-        (latitude, longitude, height), known.T, strict=True))
+def position_beside(recording: Recording, latitude: np.ndarray, longitude: np.ndarray, height: np.ndarray) -> Beside:
+    """A track (degrees, m, at all samples) beside the recording's position; differences in m."""
+    sample, known, (north, east, up) = _beside(recording, recording.position, (latitude, longitude, height))
     meters = np.radians(1) * EARTH_RADIUS_M
-    horizontal = meters * np.hypot(north, east * np.cos(np.radians(known[:, 0])))
-    return {"points": int(inside.sum()), "horizontal": spread(horizontal), "vertical": spread(np.abs(up))}
+    return Beside(sample, known, meters * np.hypot(north, east * np.cos(np.radians(known[:, 0]))), np.abs(up))
+
+
+def velocity_beside(recording: Recording, velocity: np.ndarray) -> Beside:
+    """A velocity (east, north, up, m/s, shape (N, 3)) beside that of the recording; differences in m/s."""
+    sample, known, (east, north, up) = _beside(recording, recording.velocity, velocity.T)
+    return Beside(sample, known, np.hypot(east, north), np.abs(up))
+
+
+def _beside(recording: Recording, track: Track | None, axes: Any) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Nearest samples and values of a track during the recording, and by how much axes at all samples differ there."""
+    assert track is not None, "a core is only compared with what the recording has"
+    inside = (track.time_s >= recording.time_s[0]) & (track.time_s <= recording.time_s[-1])
+    wanted, known = track.time_s[inside], track.values[inside]
+    index = np.interp(wanted, recording.time_s, np.arange(len(recording.time_s)))
+    return np.rint(index).astype(int), known, [
+        np.interp(wanted, recording.time_s, values) - own for values, own in zip(axes, known.T, strict=True)]
 
 
 def track_picture(path: str | os.PathLike, *, title: str, recording: Recording, latitude: np.ndarray,

@@ -56,9 +56,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
             *_line(axes, time_s, without_jumps(reference_model[:, k]), color=REFERENCE, linewidth=3.2, zorder=2)]
         if device is not None:
             # Points, not lines: the estimate may have a lower rate than the samples, or gaps.
-            values = np.asarray(device, float)[:, k]
-            handles += axes.plot(time_s, values, ".", color=ESTIMATE, markersize=8 if few(values) else 2.5,
-                                 markeredgewidth=0, zorder=1)
+            handles += _points(axes, time_s, np.asarray(device, float)[:, k])
         axes.set_ylabel(f"{angle} (°)")
         axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=(1, 1.5, 3, 4.5, 9, 10)))
 
@@ -86,7 +84,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
 
-def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings, bridged=()):
+def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings, recorded=None, bridged=()):
     """Draw outputs of a core over time, each in one panel, with those of the reference model behind them.
 
     Parameters
@@ -101,6 +99,8 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
         Map each output port to numbers, shape (N,).
     meanings : dict
         Maps each output port to its meaning, with the unit.
+    recorded : dict, optional
+        Maps some output ports to what the log says, shape (N,); NaN where it says nothing.
     bridged : sequence of (float, float)
         Ends of the gaps of the recording, seconds; drawn as bands.
 
@@ -115,6 +115,8 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
         drawn = without_jumps if "degrees" in meanings[port] else np.asarray
         handles = [*_line(axes, time_s, drawn(values), color=HARDWARE, linewidth=0.8, zorder=3),
                    *_line(axes, time_s, drawn(reference_model[port]), color=REFERENCE, linewidth=3.2, zorder=2)]
+        if recorded and port in recorded:
+            marked = _points(axes, time_s, recorded[port])
         axes.set_ylabel(port.removeprefix("out_"))
         _bands(axes, bridged)
         axes.set_title(meanings[port], loc="left", fontsize="small", color="0.35")
@@ -125,7 +127,8 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
     axes.set_xlim(time_s[0], time_s[-1])
     figure.align_ylabels()
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
-    figure.legend(handles, ["hardware", "kernel in float64"], loc="outside lower right", ncols=2, frameon=False,
+    labels = ["hardware", "kernel in float64", *(["the log's own"] if recorded else [])]
+    figure.legend([*handles, *(marked if recorded else [])], labels, loc="outside lower right", ncols=3, frameon=False,
                   fontsize="small")
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
@@ -134,6 +137,12 @@ def _line(axes, time_s, values, *, linewidth, **options):
     """A curve, with its points if they are few."""
     return axes.plot(time_s, values, linewidth=linewidth, marker="." if few(values) else None,
                      markersize=4 + 1.5 * linewidth, markeredgewidth=0, **options)
+
+
+def _points(axes, time_s, values):
+    """The points of a third estimate."""
+    return axes.plot(time_s, values, ".", color=ESTIMATE, markersize=8 if few(values) else 2.5, markeredgewidth=0,
+                     zorder=1)
 
 
 def _bands(axes, bridged):

@@ -31,7 +31,16 @@ from .errors import (
     rotation_angle,
     spread,
 )
-from .navigation import exact_attitude, navigation_inputs, start_of, track_errors, track_picture
+from .navigation import (
+    exact_attitude,
+    has_attitude,
+    navigated_attitude,
+    navigation_inputs,
+    position_beside,
+    start_of,
+    track_picture,
+    velocity_beside,
+)
 from .page import Curve, Panel, require_plotly, write_page
 from .picture import attitude_picture, outputs_picture
 from .recordings import Recording, RecordingError
@@ -128,12 +137,12 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     module = main_module(config)
     if module in config.assemblies():
         raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
-    if bag and module not in REFERENCES:
-        raise ConfigError(f"{module} has no attitude in the form of a matrix, and a bag holds an attitude")
     config = for_recording(config, recording)
     inputs = port_inputs(recording, config)
     core = make_core(module, config)
     system = core.system
+    if bag and module not in REFERENCES and not has_attitude(system.inputs, system.outputs):
+        raise ConfigError(f"{module} has no attitude, and a bag holds an attitude")
     with written_together(Path(directory)) as partial:
         verilog = write_core(core, config, partial, _command(command, module, config))
         kept: dict = {} if stretch is None else {"waves": _waves(partial / WAVES, recording, stretch)}
@@ -393,9 +402,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
         pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
-        panels = [Panel("difference (°)", [
-            Curve(f"{name}, from {recording.reference.meaning}", _at(match.sample, getattr(errors, name), len(angles)),
-                  points=True) for name in errors._fields])]
+        panels = [_errors_panel(recording, match, errors)]
 
     write_attitude(directory / "attitude.csv", recording, outputs)
     model = np.stack([truth.roll, truth.pitch, truth.yaw], axis=-1)
@@ -428,7 +435,7 @@ def write_attitude(path: Path, recording: Recording, outputs: dict) -> None:
 def _against_reference(recording, match, errors):
     """Errors against the recording's reference, for ``summary.json``."""
     return {"reference": recording.reference.meaning, "samples": len(match.sample),
-            "heading_known": bool(recording.reference.heading_known and recording.mag is not None),
+            "heading_known": not match.turned,
             **{f"{name}_rms": spread(getattr(errors, name))["rms"] for name in errors._fields},
             "total_median": float(np.median(errors.total)) if len(match.sample) else None, **_with_constant(match)}
 
@@ -447,7 +454,7 @@ def _with_constant(match):
 
 
 def _outputs(recording, system, result, truth, directory, title, summary):
-    """All outputs of a core, and those of its kernel in float64: CSV and picture."""
+    """All outputs of a core, those of its kernel in float64, and what the log says: CSV and picture."""
     turns = {port: "degrees" in meaning for port, meaning in system.port_meanings.items()}
     differences = {port: np.abs(angle_difference(result[port], truth[port]) if turns[port]
                                 else result[port] - truth[port]) for port in system.output_ports}
@@ -455,33 +462,78 @@ def _outputs(recording, system, result, truth, directory, title, summary):
         port: spread(difference) for port, difference in differences.items()}
     _write_csv(directory / "outputs.csv", recording.time_s,
                {port.removeprefix("out_"): (result[port], 9) for port in system.output_ports})
+    outputs = system.read(result)
+    quaternion, recorded, below = None, {}, []
+    if has_attitude(system.inputs, outputs):
+        quaternion = navigated_attitude(outputs)
+        recorded, below = _navigated(recording, system, outputs, quaternion, directory, title, summary)
     outputs_picture(
         directory / "outputs.png", title=title, time_s=recording.time_s,
         hardware={port: result[port] for port in system.output_ports}, reference_model=truth,
-        meanings=system.port_meanings, bridged=_bridged(recording))
+        meanings=system.port_meanings, recorded=recorded, bridged=_bridged(recording))
     panels = [Panel(port.removeprefix("out_"), [
+        *([Curve("the log's own", recorded[port], points=True, colour=ESTIMATE)] if port in recorded else []),
         Curve("kernel in float64", truth[port], turns=turns[port], colour=REFERENCE, width=4),
         Curve("hardware", result[port], turns=turns[port], colour=HARDWARE)]) for port in system.output_ports]
-    outputs = system.read(result)
-    _navigated(recording, outputs, directory, title, summary)
-    return Replay(outputs, summary, panels=tuple(panels))
+    return Replay(outputs, summary, quaternion, panels=(*panels, *below))
 
 
-def _navigated(recording, outputs, directory, title, summary):
-    """Add to the summary what a propagated attitude, or a track, says about the recording; draw the track."""
+def _navigated(recording, system, outputs, quaternion, directory, title, summary):
+    """Compare an attitude, velocity and position with those of the log, for the summary; draw the track.
+
+    Returns: output ports to what the log says, shape (N,), NaN where it says nothing; panels of the differences.
+    """
+    count = len(recording.time_s)
+    recorded: dict[str, np.ndarray] = {}
+    panels = []
+
+    def beside(name, sample, values):
+        """What the log says for the ports of an output."""
+        ports = [system.outputs[name]] if isinstance(system.outputs[name], str) else system.outputs[name]
+        recorded.update((port, _at(sample, own, count)) for port, own in zip(ports, values, strict=True))
+
+    def difference(name, unit, track):
+        panels.append(Panel(f"{name}: difference ({unit})", [
+            Curve(f"{part}, from the log's {name}", _at(track.sample, getattr(track, part), count), points=True)
+            for part in ("horizontal", "vertical")]))
+        return track.summary()
+
+    start = start_of(recording)
+    summary["start"] = start.source
     if "e" in outputs:
-        quaternion = outputs["e"].astype(float)
-        summary["start"] = start_of(recording).source
         summary["against_exact_rotations_deg"] = spread(rotation_angle(quaternion, exact_attitude(recording)))
-        if recording.reference is not None:
-            match = match_reference(recording, quaternion)
-            errors = attitude_errors(match.q_est, match.q_ref)
-            summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
+    if recording.reference is not None:
+        match = match_reference(recording, quaternion, shared_heading=start.recorded)
+        errors = attitude_errors(match.q_est, match.q_ref)
+        summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
+        panels.append(_errors_panel(recording, match, errors))
+        if "attitude" in outputs:
+            # Heading is clockwise; the angles of FLU and NWU have the other sign for pitch and yaw.
+            pitch, roll, yaw = euler_angles(matrix_from_quaternion(match.q_ref))
+            beside("attitude", match.sample, (-pitch, roll, -yaw % 360))
+        else:
+            # Both signs are the same attitude.
+            beside("e", match.sample, (np.copysign(1, np.vecdot(match.q_ref, match.q_est))[:, None] * match.q_ref).T)
+    if "velocity" in outputs and recording.velocity is not None:
+        track = velocity_beside(recording, outputs["velocity"].astype(float))
+        summary["against_recorded_velocity_m_s"] = difference("velocity", "m/s", track)
+        beside("velocity", track.sample, track.recorded.T)
     if "position" in outputs:
         (latitude, longitude), height = outputs["position"].astype(float).T, outputs["height"].astype(float)
-        summary["start"] = start_of(recording).source
-        summary["against_recorded_position_m"] = track_errors(recording, latitude, longitude, height)
+        track = position_beside(recording, latitude, longitude, height)
+        summary["against_recorded_position_m"] = difference("position", "m", track)
+        beside("position", track.sample, track.recorded[:, :2].T)
+        beside("height", track.sample, track.recorded[:, 2:].T)
         track_picture(directory / "track.png", title=title, recording=recording, latitude=latitude, longitude=longitude)
+    return recorded, panels
+
+
+def _errors_panel(recording, match, errors):
+    """Errors against the recording's reference."""
+    return Panel("difference (°)", [
+        Curve(f"{name}, from {recording.reference.meaning}",
+              _at(match.sample, getattr(errors, name), len(recording.time_s)), points=True)
+        for name in errors._fields])
 
 
 def _at(places, values, count):
@@ -504,6 +556,10 @@ def _facts(summary):
     if recorded := summary.get("against_recorded_reference_deg"):
         yield f"from {recorded['reference']}, RMS", ", ".join(
             f"{name} {recorded[f'{name}_rms']:.2f}°" for name in ("total", "inclination"))
+    for title, unit, name in ("position", "m", "position_m"), ("velocity", "m/s", "velocity_m_s"):
+        if track := summary.get(f"against_recorded_{name}"):
+            yield f"from the log's {title}, at most", ", ".join(
+                f"{part} {track[part]['max']:.2f} {unit}" for part in ("horizontal", "vertical") if track["points"])
     for kind, number in summary.get("time", {}).get("faults", {}).items():
         yield kind, f"{number:,}"
 

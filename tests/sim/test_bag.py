@@ -8,7 +8,7 @@ from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 
 from strapdown.config import ConfigError
-from strapdown.cores import QUATERNION_J3
+from strapdown_lab.docs import own_kernel
 from strapdown_sim.bag import BAGS, MissingRosbagsError, write_bag
 from strapdown_sim.recordings import Recording
 from strapdown_sim.replay import replay
@@ -53,8 +53,10 @@ def test_without_rosbags(tmp_path, monkeypatch):
         write_bag(tmp_path, "mcap", RECORDING, np.zeros((COUNT, 4)), "NWU")
 
 
-def test_a_core_without_a_matrix(tmp_path):
+def test_a_core_without_attitude(root, tmp_path):
+    page = (root / "docs" / "kernels.md").read_text(encoding="utf-8")
+    exec(own_kernel(page), own := {"__name__": "my_core"})
     recording = replace(RECORDING, time_s=np.arange(COUNT) / 100)
-    with pytest.raises(ConfigError, match=r"^QUAT_direct has no attitude in the form of a matrix, and a bag holds an "):
-        replay(recording, QUATERNION_J3, tmp_path, build=tmp_path / "build", command=(), bag="mcap")
+    with pytest.raises(ConfigError, match=r"^COMPASS_top has no attitude, and a bag holds an attitude$"):
+        replay(recording, own["COMPASS"], tmp_path, build=tmp_path / "build", command=(), bag="mcap")
     assert list(tmp_path.iterdir()) == []

@@ -106,3 +106,7 @@ def test_a_reference_with_another_heading_is_compared_with_it_and_without():
     match = errors.match_reference(recording, estimate)
     assert errors.attitude_errors(match.q_est, match.q_ref).total == pytest.approx(0, abs=1e-9)
     assert errors.attitude_errors(match.q_est, match.q_given).heading == pytest.approx(np.degrees(0.4))
+    assert match.turned
+    shared = errors.match_reference(recording, estimate, shared_heading=True)
+    assert errors.attitude_errors(shared.q_est, shared.q_ref).heading == pytest.approx(np.degrees(0.4))
+    assert not shared.turned

@@ -1,17 +1,31 @@
 """Recordings through cores that start from given values."""
 
+import base64
+import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from strapdown.config import ConfigError
 from strapdown.cores import QUATERNION_J3, SINS, main_module, system_of
 from strapdown_sim.errors import attitude_errors, rotation_angle
-from strapdown_sim.navigation import exact_attitude, navigation_inputs, start_of, track_errors, track_picture
-from strapdown_sim.recordings import Log, Stream, recording_of
+from strapdown_sim.navigation import (
+    exact_attitude,
+    navigated_attitude,
+    navigation_inputs,
+    position_beside,
+    start_of,
+    track_picture,
+    velocity_beside,
+)
+from strapdown_sim.recordings import Log, Stream, read_recording, recording_of
 from strapdown_sim.reference.attitude import matrix_from_quaternion
-from strapdown_sim.replay import for_recording, port_inputs
+from strapdown_sim.replay import for_recording, port_inputs, replay
+
+from ..twin import TwinModel
 
 COUNT, RATE_HZ = 120, 100.0
 TURN = np.array([np.cos(0.3), 0.1, -0.2, 0.5])
@@ -72,9 +86,82 @@ def test_navigator_starts_where_the_log_is():
     north, east = np.radians(outputs["position"][-1] - [48, 11]) * [6.378e6, 6.388e6 * np.cos(np.radians(48))]
     assert north == pytest.approx(3 * seconds, rel=0.01)
     assert east == pytest.approx(5 * seconds, rel=0.01)
-    errors = track_errors(recording, *outputs["position"].T, outputs["height"])
-    assert errors["points"] == 2
-    assert errors["horizontal"]["max"] == pytest.approx(np.hypot(5, 3) * 0.6, rel=0.01)
+    track = position_beside(recording, *outputs["position"].T, outputs["height"])
+    assert track.sample.tolist() == [0, 60]
+    assert track.recorded.tolist() == place[:2]
+    summary = track.summary()
+    assert summary["points"] == 2
+    assert summary["horizontal"]["max"] == pytest.approx(np.hypot(5, 3) * 0.6, rel=0.01)
+
+
+def test_velocity_beside_that_of_the_log():
+    recording = recorded(("velocity", [[3, 4, -2]] * 3))
+    track = velocity_beside(recording, np.zeros((COUNT, 3)))
+    assert track.recorded.tolist() == [[3, 4, -2]] * 2
+    assert track.horizontal.tolist() == [5, 5]
+    assert track.vertical.tolist() == [2, 2]
+
+
+def test_attitude_of_a_navigator():
+    """Against scipy: turns about down, right and forward, from forward, right, down to NED, and then half turns about
+    forward and north on both sides."""
+    angles = np.random.default_rng(3).uniform([-90, -180, 0], [90, 180, 360], (50, 3))
+    half = Rotation.from_euler("x", 180, degrees=True)
+    wanted = half * Rotation.from_euler("ZYX", angles[:, [2, 0, 1]], degrees=True) * half
+    found = Rotation.from_quat(navigated_attitude({"attitude": angles}), scalar_first=True)
+    assert (found * wanted.inv()).magnitude().max() < 1e-12
+
+
+def page_of(folder):
+    """The data of a page: of the cursor, and of plotly, by the name of each curve and its axis."""
+    text = (folder / "replay.html").read_text(encoding="utf-8")
+    (run,) = re.findall(r"const run = (.*);</script>", text)
+    (figure,) = re.findall(r'Plotly\.newPlot\(\s*"curves",\s*(\[.*?\]),\s*\{"template"', text, re.DOTALL)
+    return json.loads(run), {(trace["name"], trace["yaxis"]): trace for trace in json.loads(figure)}
+
+
+@pytest.mark.parametrize("heading", [0.0, -40.0])
+def test_the_estimate_of_the_log_beside_a_navigator(tmp_path, monkeypatch, heading):
+    """A flight level and straight on; the log's own velocity and height differ by known numbers, and its heading turns
+    on by 0.3 degrees in 0.6 s."""
+    monkeypatch.setattr("strapdown_sim.replay.CoreModel", TwinModel)
+    monkeypatch.setattr("strapdown.export.verilog.to_verilog", lambda component, name, **options: f"module {name}();\n")
+    turned = [Rotation.from_euler("z", -(heading + step), degrees=True).as_quat(scalar_first=True)
+              for step in (0, 0.3, 0.6)]
+    recording = recorded(("position", [[48.0, 11.0, 500.0], [48.0, 11.0, 503.0], [48.0, 11.0, 503.0]]),
+                         ("velocity", [[0, 0, 0], [3, 4, -2], [3, 4, -2]]), ("attitude", turned), rates=(0, 0, 1e-6),
+                         force=(0, 0, 9.81))
+    result = replay(recording, SINS, tmp_path, build=tmp_path, command=(), html=True, bag="mcap")
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    # The earth turns by 0.0025 degrees in 0.6 s, and gravity is less than 9.81 by up to 0.04 m/s^2.
+    assert summary["against_recorded_velocity_m_s"]["points"] == 2
+    assert summary["against_recorded_velocity_m_s"]["horizontal"]["max"] == pytest.approx(5, abs=0.01)
+    assert summary["against_recorded_velocity_m_s"]["vertical"]["max"] == pytest.approx(2, abs=0.03)
+    assert summary["against_recorded_position_m"]["vertical"]["max"] == pytest.approx(3, abs=0.01)
+    attitude = summary["against_recorded_reference_deg"]
+    # The core starts with the log's heading, so there is no unknown constant.
+    assert attitude["heading_known"]
+    assert attitude["heading_rms"] == pytest.approx(0.3 / np.sqrt(2), abs=0.003)
+    assert attitude["inclination_rms"] < 0.003
+    run, curves = page_of(tmp_path)
+    ports = [port.removeprefix("out_") for port in system_of("SINS_top", SINS).output_ports]
+
+    def own(port):
+        """What the log says in the panel of a port, at its samples."""
+        number = ports.index(port) + 1
+        values = curves["the log's own", "y" if number == 1 else f"y{number}"]["y"]
+        array = np.frombuffer(base64.b64decode(values["bdata"]), values["dtype"])
+        return array[np.isfinite(array)]
+
+    assert own("veast").tolist() == [0, 3]
+    assert own("height").tolist() == [500, 503]
+    assert own("heading") % 360 == pytest.approx([heading % 360, (heading + 0.3) % 360])
+    assert own("pitch") == pytest.approx([0, 0], abs=1e-9)
+    first = Rotation.from_quat(run["attitude"]["quaternion"][0], scalar_first=True)
+    assert (first * Rotation.from_quat(turned[0], scalar_first=True).inv()).magnitude() < 2e-4
+    assert result.quaternion.shape == (COUNT, 4)
+    again = read_recording(tmp_path / "imu")
+    assert len(again.reference.time_s) == COUNT
 
 
 def test_axes_of_a_navigator():

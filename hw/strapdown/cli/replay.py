@@ -151,9 +151,10 @@ def _print_summary(summary, output):
                      f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample"))
     if exact := summary.get("against_exact_rotations_deg"):
         rows.append(("largest rotation angle to exact rotations", _figure(exact["max"], ".6f", "°")))
-    if track := summary.get("against_recorded_position_m"):
-        rows += [(f"largest {name} distance from the recorded position", _figure(track[name]["max"], ".2f", " m"))
-                 for name in ("horizontal", "vertical")]
+    for title, unit, key in ("position", " m", "position_m"), ("velocity", " m/s", "velocity_m_s"):
+        if track := summary.get(f"against_recorded_{key}"):
+            rows += [(f"largest {name} difference from the log's {title}", _figure(track[name]["max"], ".2f", unit))
+                     for name in ("horizontal", "vertical")]
     if start := summary.get("start"):
         rows.append(("start", start))
     if waves := summary.get("waves"):

@@ -20,8 +20,8 @@ POINTS = 4000
 
 COLOURS = ("#10243e", "#cc6633", "#3d85c6", "#448855", "#8e5ea2", "#b8860b")
 """Colours of curves that have none of their own, in their order."""
-ROW, STATUS_ROW = 200, 16
-"""Height of a panel, and of a status bit, pixels."""
+ROW, STATUS_ROW, SPACE = 200, 16, 22
+"""Height of a panel, and of a status bit, and space between panels, pixels."""
 
 TO_ENU = {"NWU": ((0, -1, 0), (1, 0, 0), (0, 0, 1)), "ENU": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
           "NED": ((0, 1, 0), (1, 0, 0), (0, 0, -1)), "level": ((0, 1, 0), (1, 0, 0), (0, 0, -1))}
@@ -161,7 +161,7 @@ def _figure(time_s, panels, status, gaps):
 
     heights = [ROW] * len(panels) + ([40 + STATUS_ROW * len(status)] if status else [])
     figure = make_subplots(rows=len(heights), cols=1, shared_xaxes=True, row_heights=heights,
-                           vertical_spacing=0.02)
+                           vertical_spacing=SPACE / sum(heights))
     for row, panel in enumerate(panels, 1):
         for place, curve in enumerate(panel.curves):
             time, values = _reduced(time_s, curve)
