@@ -26,6 +26,7 @@ from strapdown.fp import (
     FpRelation,
     FpSelect,
     FpSquareRoot,
+    FpTableReciprocal,
     FpToFixed,
     FpToFp,
     Rounding,
@@ -275,6 +276,11 @@ OPERATORS = (
         tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (4,)}),),
         full_runs=(FullRun("rsqrt", partial(FpReciprocalSquareRoot, BINARY32, bits_per_cycle=6),
                            "reciprocal_square_root", "reciprocal square root, gradual, 6 bits a cycle"),)),
+    OperatorEntry(
+        FpTableReciprocal, partial(special.table_reciprocal_table, FpTableReciprocal),
+        parameters={"format": FLUSH}, choices=_DEEP,
+        measured=(Measured([(FLUSH,)], _DEEP, "reciprocal and its root by table", _is_default_or_deep),),
+        control=(Variants([(FloatFormat(3, 9).with_subnormals("flush"),)], _DEEP),)),
     OperatorEntry(
         FpCompare, partial(special.compare_tables, FpCompare),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "compare"),), control=(Variants([(SMALL,)], _DEEP),),

@@ -11,7 +11,7 @@ from strapdown.markdown import markdown_table
 
 __all__ = ["FLAG_NAMES", "arctangent_tables", "binary_tables", "choice_table", "compare_tables",
            "fixed_arctangent_table", "from_fixed_table", "legend", "number_text", "relation_table", "resize_tables",
-           "sincos_table", "to_fixed_table", "unary_table"]
+           "sincos_table", "table_reciprocal_table", "to_fixed_table", "unary_table"]
 
 FLUSHED = BINARY32.with_subnormals(Subnormals.FLUSH)
 SIGNALLING = BINARY32.infinity + 1
@@ -105,6 +105,14 @@ def unary_table(component, **constants):
     numbers = _numbers(UNARY)
     columns = [_evaluate(component(fmt), (numbers,), **constants) for fmt in (BINARY32, FLUSHED)]
     return markdown_table(["a", "result, gradual", "result, flushed"],
+                          zip(map(number_text, numbers), *columns, strict=True))
+
+
+def table_reciprocal_table(component):
+    """A row for each operand of an operator with two functions of one operand."""
+    numbers, operator = _numbers(UNARY), component(FLUSHED)
+    columns = [_evaluate(operator, (numbers, square_root)) for square_root in (False, True)]
+    return markdown_table(["a", "1 / a, `square_root` = 0", "1 / √a, `square_root` = 1"],
                           zip(map(number_text, numbers), *columns, strict=True))
 
 

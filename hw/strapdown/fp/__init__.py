@@ -11,3 +11,4 @@ from .reciprocal_square_root import *
 from .resize import *
 from .rounding import *
 from .select import *
+from .table_reciprocal import *

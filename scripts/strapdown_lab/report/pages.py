@@ -57,7 +57,7 @@ def _value(value):
     """A parameter's value in the form of Python code."""
     match value:
         case FloatFormat():
-            return value.name.upper()
+            return value.name.upper() + ("" if value.gradual else '.with_subnormals("flush")')
         case Enum():
             return f"{type(value).__name__}.{value.name}"
         case str():
@@ -111,7 +111,7 @@ def _form(shape):
     if shape is FLAGS:
         return "[flags](README.md#flags)"
     for fmt in BINARY16, BINARY32:
-        if shape is fmt.layout:
+        if shape in (fmt.layout, fmt.with_subnormals("flush").layout):
             return fmt.name
     return "two's complement" if Shape.cast(shape).signed else "bit"
 
