@@ -6,9 +6,14 @@ streams into a `Recording`. A file with an error raises a `RecordingError` of on
 remedy. ``docs/recordings.md`` describes the formats.
 """
 
+import gzip
 import os
+import shutil
+import tempfile
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,6 +31,7 @@ from .sensor_files import is_sensor_files, read_sensor_files
 from .table import looks_like_table
 from .ulog import MAGIC as ULOG_MAGIC
 from .ulog import read_ulog
+from .ulog_csv import is_ulog_csv, read_ulog_csv
 from .x_imu import X_IMU_RATE_HZ
 
 __all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Format", "Log", "Recording", "RecordingError", "Reference",
@@ -74,12 +80,29 @@ FORMATS = (
     Format("DataFlash", lambda path, head: is_dataflash(head), read_dataflash),
     Format("blackbox", lambda path, head: head.startswith(BLACKBOX_MAGIC), read_blackbox, ("log",)),
     Format("ROS bag or MCAP", is_bag, read_bag),
+    Format("ULog topics as CSV", is_ulog_csv, read_ulog_csv),
     Format("KITTI", is_kitti, read_kitti),
-    Format("folder or zip of one file for each sensor", is_sensor_files, read_sensor_files),
+    Format("folder of one file for each sensor", is_sensor_files, read_sensor_files),
     Format("table of text", lambda path, head: path.is_file() and looks_like_table(head), read_csv,
            ("columns", "sample_rate_hz", "reference")),
 )
 """All formats; the first that recognises a file reads it."""
+
+OTHERS = (
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook; save its sheet as CSV, or export CSV (phyphox: Comma, decimal point)"),
+    (b"\x89HDF", "an HDF5 or MATLAB file; write the signals as a table of text, or with numpy.savez"),
+    (b"MATLAB", "a MATLAB file; write the signals as a table of text (writetable), or with numpy.savez"),
+    (b"{", "JSON; export CSV (Sensor Logger: Zipped CSV)"),
+    (b"[{", "JSON; export CSV (Sensor Logger: Zipped CSV)"),
+    (b"PAR1", "a Parquet file; write it as CSV"),
+    (b"7z\xbc\xaf", "a 7z archive; unpack it"),
+    (b"Rar!", "a RAR archive; unpack it"),
+    (b"#ROSBAG V1", "a bag of ROS before 2010; convert it with rosbag fix"),
+    (b"\xfa\xff", "a binary log of Xsens; export it as text with MT Manager"),
+    (b"version https://git-lfs", "a pointer of Git LFS in place of the file; fetch it with git lfs pull"),
+    (b"<", "a page of the web or XML, not a log; download the file itself"),
+)
+"""First bytes of files that are not read, and what they are, with a remedy."""
 
 REFUSALS = {"sample_rate_hz": "the file contains its time; leave out the sample rate",
             "reference": "only x-IMU exports have a separate reference; leave it out",
@@ -112,17 +135,76 @@ def read_log(path: str | os.PathLike, **options: Any) -> Log:
         if not path.is_dir():
             with path.open("rb") as file:
                 head = file.read(HEAD_BYTES)
+        if path.is_file():
+            _refuse_others(path, head)
+        if (unpack := _unpacker(path, head)) is not None:
+            return _unpacked(path, unpack, given)
         form = next((form for form in FORMATS if form.recognises(path, head)), None)
         if form is None:
-            known = ", ".join(form.name for form in FORMATS)
-            raise RecordingError(f"{path}: " + ("the file is empty" if path.is_file() and not head else
-                                                f"not a log of a known format; known are {known}"))
+            raise RecordingError(f"{path}: {_nothing(path, head)}")
         for name in given:
             if name not in form.options:
                 raise RecordingError(f"{path}: {REFUSALS[name]}")
         return form.read(path, **given)
     except OSError as error:
         raise RecordingError(f"{error.filename or path}: {error.strerror or 'cannot be read'}") from None
+
+
+def _unpacker(path, head):
+    """Function that writes the content of a compressed file into a folder; None for other files."""
+    if head.startswith(b"\x1f\x8b"):
+        return _gunzip
+    return _unzip if head.startswith(b"PK") and not _is_npz(path, head) else None
+
+
+def _gunzip(path, folder):
+    name = path.stem if path.suffix.lower() in (".gz", ".gzip") else path.name
+    with gzip.open(path) as source, (folder / name).open("wb") as target:
+        shutil.copyfileobj(source, target)
+
+
+def _unzip(path, folder):
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(folder, [name for name in archive.namelist() if "__MACOSX" not in name])
+
+
+def _unpacked(path, unpack, given):
+    """The Log in a compressed file."""
+    with tempfile.TemporaryDirectory() as folder:
+        inner = Path(folder)
+        try:
+            unpack(path, inner)
+        except (EOFError, gzip.BadGzipFile, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError):
+            raise RecordingError(f"{path}: the archive is damaged, or has a password; unpack it") from None
+        if (inner / "xl").is_dir():
+            raise RecordingError(f"{path}: this is {OTHERS[0][1]}")
+        while inner.is_dir() and len(files := list(inner.iterdir())) == 1:
+            inner = files[0]
+        try:
+            return replace(read_log(inner, **given), path=path)
+        except RecordingError as error:
+            raise RecordingError(str(error).replace(str(inner), str(path))) from None
+
+
+def _refuse_others(path, head):
+    """Raise a RecordingError for a file of a kind that is known, but not read."""
+    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    for magic, what in OTHERS:
+        if start.startswith(magic):
+            raise RecordingError(f"{path}: this is {what}")
+
+
+def _nothing(path, head):
+    """What is wrong with a path that has no known format."""
+    if path.is_dir():
+        files = sorted(file.name for file in path.iterdir() if not file.name.startswith("."))
+        if not files:
+            return "the folder is empty"
+        shown = ", ".join(files[:5]) + (f" and {len(files) - 5} more" if len(files) > 5 else "")
+        return f"no log of one recording is in the folder ({shown}); name one of its files"
+    if not head:
+        return "the file is empty"
+    return f"not a log of a known format; known are {', '.join(form.name for form in FORMATS)}"
 
 
 def read_recording(path: str | os.PathLike, *, sample_rate_hz: float | None = None,

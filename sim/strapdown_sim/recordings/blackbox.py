@@ -58,7 +58,11 @@ def read_blackbox(path, *, log=None):
               if re.fullmatch(r"time|(gyroADC|accSmooth|magADC)\[[0-2]\]", name)]
     if "gyroADC[0]" not in wanted or "accSmooth[0]" not in wanted:
         raise RecordingError(f"{path}: log {number + 1} has no gyro and accelerometer; set blackbox_disable_acc = OFF")
-    values, damaged = _Decoder(headers, wanted).decode(frames)
+    try:
+        decoder = _Decoder(headers, wanted)
+    except (KeyError, ValueError):
+        raise RecordingError(f"{path}: the headers of log {number + 1} are damaged, or the file is cut off") from None
+    values, damaged = decoder.decode(frames)
     if len(values) < 2:
         raise RecordingError(f"{path}: log {number + 1} has {len(values)} frames that can be decoded")
     time_s = (values[:, wanted.index("time")] - values[0, wanted.index("time")]) * 1e-6

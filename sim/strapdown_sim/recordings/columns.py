@@ -9,9 +9,10 @@ import numpy as np
 from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Stream
 from .recording import RecordingError
 from .table import Table
-from .units import factor, listed
+from .units import factor, listed, quantity
 
-__all__ = ["COUNTER", "NAMES", "TIME", "Column", "Columns", "columns_of", "scaled", "seconds", "streams_of"]
+__all__ = ["COUNTER", "NAMES", "TIME", "Column", "Columns", "check_numbers", "columns_of", "scaled", "seconds",
+           "streams_of", "unit_of_steps"]
 
 TIME, COUNTER = "time", "counter"
 
@@ -21,16 +22,25 @@ NAMES = {TIME: "Time", COUNTER: "Packet number", GYRO: "Gyroscope", ACCEL: "Acce
 
 AXES = {GYRO: "xyz", ACCEL: "xyz", MAG: "xyz", ATTITUDE: "wxyz"}
 
-_TIMES = {"time", "timestamp", "t", "times", "timestamps", "secondselapsed", "elapsed", "unixtime", "epoch",
-          "epochtime",
-          "timestampsample", "timesample", "loggingtime", "timesincestart", "datetime", "sensortimestamp", "systime",
-          "elapsedtime", "headerstamp", "rosbagtimestamp"}
+_TIMES = {"t", "times", "epoch", "epoc", "elapsed", "millis", "micros", "secondselapsed", "gpstow", "tow"}
+"""Names of times without "time" in them."""
+
+_TIME_UNITS = {"millis": "ms", "micros": "us", "secondselapsed": "s", "gpstow": "s", "tow": "s"}
+"""Units of times that their names say."""
+
 _COUNTERS = {"packetnumber", "packetcounter", "counter", "packetid", "packet", "sampleindex", "sample", "index",
              "loopiteration", "sampletimefine"}
 _RANKS = (("uncal", 2), ("raw", 1), ("linear", 1), ("filtered", 1), ("user", 3), ("without", 3), ("unfilt", 2),
           ("free", 3))
 """Words that make a source less wanted where there are several."""
 
+
+_EXCLUDED = {"bias", "offset", "cov", "covariance", "variance", "std", "temp", "temperature", "integral", "dt", "debug",
+             "setpoint", "norm", "magnitude", "abs", "absolute", "angle", "uncertainty", "error", "increment"}
+"""Words of columns that hold no samples."""
+
+_NO_SENSOR = {"gravity", "linear", "user", "free", "velocity", "position", "angle", "target", "reference"}
+"""Words of columns that hold no samples although their unit is one of a sensor."""
 
 _TAILS = {"axis", "cal"}
 """Words after the axis that say nothing about it."""
@@ -63,29 +73,34 @@ def _tokens(label):
 
 
 def _parted(cell):
-    """Label and unit of a header cell: "Gyroscope X (deg/s)", "w_RS_S_x [rad s^-1]"."""
-    match = re.fullmatch(r"\s*#?\s*(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*", cell)
-    if match and not re.fullmatch(r"[0-3]", match[2].strip()):
-        return match[1], match[2].strip()
+    """Label and unit of a header cell: "Gyroscope X (deg/s)", "w_RS_S_x [rad s^-1]", "Gyro X - deg/s", "Time, s"."""
+    match = re.fullmatch(r"\s*#?\s*(.*?)\s*(?:\((.*)\)|\[([^\[\]]*)\])\s*", cell)
+    if match:
+        unit = (match[2] if match[2] is not None else match[3]).strip()
+        if not re.fullmatch(r"[0-3]", unit):
+            return match[1], unit or None
+    match = re.fullmatch(r"\s*#?\s*(.*?)\s*(?: -|[,;:])\s+(\S+)\s*", cell)
+    if match and quantity(match[2]):
+        return match[1], match[2]
     return cell.strip().lstrip("#").strip(), None
 
 
 def _kind(words):
     """Quantity of the words of a name without axis and unit, or None."""
     text = "".join(words)
-    if text in _TIMES or "timestamp" in text:
-        return TIME
     if text in _COUNTERS:
         return COUNTER
-    if any(word in ("bias", "offset", "cov", "covariance", "variance", "std", "temp", "temperature", "integral", "dt",
-                    "debug", "setpoint", "norm", "magnitude", "abs", "absolute") for word in words):
+    if _EXCLUDED.intersection(words):
         return None
+    if text in _TIMES or text.startswith(("time", "times")) or text.endswith("time") or "timestamp" in text or \
+            text.endswith("stamp"):
+        return TIME
     if "gyr" in text or "angularvel" in text or "angularrate" in text or "rotationrate" in text or \
             text in ("g", "w", "omega", "wrss", "as"):
         return GYRO
-    if "acc" in text or "specificforce" in text or text in ("a", "f", "arss"):
+    if "acc" in text or "specificforce" in text or text in ("a", "f", "gf", "arss"):
         return ACCEL
-    if "mag" in words or "magn" in text or text in ("m", "h", "mags", "compass") or text.startswith("mag"):
+    if "mag" in words or "magn" in text or "compass" in text or text in ("m", "h", "b", "mags") or text.startswith("mag"):
         return MAG
     if "quat" in text or text in ("q", "qrs", "element") or (words and words[-1] == "orientation"):
         return ATTITUDE
@@ -99,7 +114,7 @@ def _lettered(words):
     for place in range(len(words) - 1, -1, -1):
         if re.fullmatch(r"[wxyz]", words[place]):
             yield place, words[place], words[:place]
-        elif re.fullmatch(r"[gamhw][xyz]|q[wxyz]", words[place]):
+        elif re.fullmatch(r"[gamhwbf][xyz]|q[wxyz]", words[place]):
             yield place, words[place][1], [*words[:place], words[place][0]]
 
 
@@ -118,11 +133,13 @@ def _column(cell, index, default):
     """Column of a header cell, or None. ``default`` is the quantity of columns that are only called X, Y and Z."""
     label, unit = _parted(cell)
     words = _tokens(label)
-    if not words:
-        return None
     for place, axis, before in (*_lettered(words), *_numbered(words)):
         tail = "".join(word for word in words[place + 1:] if word not in _TAILS)
         kind = _kind(before) if before else default
+        if kind is None and (after := _kind(words[place + 1:])):
+            # The quantity may stand behind the axis.
+            kind, tail = after, ""
+        kind = kind or _kind_of_unit(unit, words)
         if kind not in AXES or (tail and (unit is not None or factor(kind, tail) is None)):
             continue
         axis = axis if axis.isalpha() else _of_number(before, kind, axis)
@@ -130,9 +147,24 @@ def _column(cell, index, default):
             return Column(kind, axis, " ".join(before) or kind, unit if unit is not None else tail or None, index)
     for count in range(len(words), 0, -1):
         kind, tail = _kind(words[:count]), "".join(words[count:])
-        if kind in (TIME, COUNTER, PRESSURE) and (not tail or (unit is None and factor(kind, tail))):
-            return Column(kind, "", " ".join(words[:count]), unit if unit is not None else tail or None, index)
+        if kind in (TIME, COUNTER, PRESSURE) and (
+                not tail or (kind != COUNTER and unit is None and factor(kind, tail))):
+            unit = unit if unit is not None else tail or _TIME_UNITS.get("".join(words[:count]))
+            return Column(kind, "", " ".join(words[:count]), unit, index)
+    if _kind_of_unit(unit, words) == TIME:
+        return Column(TIME, "", OTHER_TIME, unit, index)
     return None
+
+
+OTHER_TIME = "of its unit"
+"""Source of a column that is a time by its unit alone."""
+
+
+def _kind_of_unit(unit, words):
+    """Quantity of a column whose name says none."""
+    if unit is None or (_EXCLUDED | _NO_SENSOR).intersection(words):
+        return None
+    return quantity(unit)
 
 
 def _rank(column):
@@ -146,7 +178,8 @@ def columns_of(table: Table, *, given: Mapping[str, str] | None = None, default:
     ----------
     table : Table
     given : mapping
-        Names such as "time" and "gyro_x" to header cells, or to COLUMN:UNIT; they go before what names say.
+        Names such as "time" and "gyro_x" to header cells, or to COLUMN:UNIT; they go before what names say. "gyro" to
+        :UNIT is the unit of all axes.
     default : str, optional
         Quantity of columns that are only called X, Y and Z, from the name of the file.
 
@@ -155,7 +188,11 @@ def columns_of(table: Table, *, given: Mapping[str, str] | None = None, default:
     """
     found = [column for index, cell in enumerate(table.header) if (column := _column(cell, index, default))]
     chosen: dict[str, list[Column]] = {}
+    units: dict[str, str] = {}
     for name, cell in (given or {}).items():
+        if name in NAMES and cell.startswith(":"):
+            units[name] = cell[1:]
+            continue
         column = _given(table, name, cell)
         chosen.setdefault(column.kind, []).append(column)
     for kind in dict.fromkeys(column.kind for column in found):
@@ -169,10 +206,7 @@ def columns_of(table: Table, *, given: Mapping[str, str] | None = None, default:
         best = min(sources.values(), key=lambda columns: (-len({c.axis for c in columns}), _rank(columns[0]),
                                                           columns[0].number))
         if kind == TIME:
-            # A date is no number.
-            numbers = [columns for columns in sources.values() if np.isfinite(table.values[:, columns[0].number]).any()]
-            best = min(numbers or [best], key=lambda columns: (factor(TIME, columns[0].unit or "") is None,
-                                                               columns[0].number))
+            best = min(sources.values(), key=lambda columns: (*_time_rank(table, columns[0]), columns[0].number))
         for column in best:
             if column.axis in own or (kind in chosen and column.axis == ""):
                 continue
@@ -192,8 +226,18 @@ def columns_of(table: Table, *, given: Mapping[str, str] | None = None, default:
                                  f"--columns {kind}_{missing[0]}=NAME")
         else:
             chosen[kind] = sorted(columns, key=lambda column: AXES[column.kind].index(column.axis))
+    for kind, unit in units.items():
+        chosen[kind] = [column._replace(unit=unit) for column in chosen.get(kind, ())]
     used = {column.number for columns in chosen.values() for column in columns}
     return Columns(chosen, [cell for index, cell in enumerate(table.header) if index not in used and cell])
+
+
+def _time_rank(table, column):
+    """How little a column is wanted as time: one that does not increase, that goes back, that has no unit."""
+    step = np.diff(table.values[:, column.number])
+    step = step[np.isfinite(step)]
+    return (2 * np.count_nonzero(step > 0) <= len(step), bool((step < 0).any()), column.source == OTHER_TIME,
+            _written(table, column) is None)
 
 
 def _name(column):
@@ -221,24 +265,62 @@ def scaled(table: Table, columns: Sequence[Column], units: Mapping[str, str] | N
     """
     kind, found = columns[0].kind, []
     for column in columns:
-        unit = column.unit if column.unit else (units or {}).get(kind)
+        unit = column.unit
+        if unit is None or factor(kind, unit) is None:
+            unit = (units or {}).get(kind, unit)
         known = factor(kind, unit) if unit is not None else None
         if known is None and kind == ATTITUDE:
             known = 1.0, ""
         if known is None:
-            axis = f"_{column.axis}" if column.axis else ""
-            raise RecordingError(
-                f"{table.path}: column {_name(column)!r}{_unknown(unit)}; units are "
-                f"{listed(kind)}, in parentheses after the name, or after a colon in --columns "
-                f"{kind}{axis}={table.header[column.number].strip()}:{_EXAMPLE[kind]}")
+            raise RecordingError(f"{table.path}: column {_name(column)!r}{_unknown(unit)}; units are {listed(kind)}, in "
+                                 f"parentheses after the name, or for all axes in --columns {kind}=:{_EXAMPLE[kind]}")
         found.append(known)
     if len({unit for _, unit in found}) > 1:
         raise RecordingError(f"{table.path}: {NAMES[kind]} axes have units {', '.join(unit for _, unit in found)}; "
                              "use one for all")
+    check_numbers(table, columns)
     return found[0][0] * table.values[:, [column.number for column in columns]], found[0][1]
 
 
+def check_numbers(table: Table, columns: Sequence[Column]) -> None:
+    """Raise a RecordingError if a cell of the columns is neither a number, nor empty, nor a word."""
+    for column in columns:
+        if column.number in table.unreadable:
+            line, cell = table.unreadable[column.number]
+            raise RecordingError(f"{table.path}: line {line}, column {table.header[column.number]!r}: {cell!r} is not a "
+                                 "number; correct or delete the line")
+
+
 _EXAMPLE = {TIME: "ms", GYRO: "deg/s", ACCEL: "g", MAG: "uT", PRESSURE: "hPa"}
+
+
+def _written(table, column):
+    """Unit of a column of time: as written, that of a date, or that of a time since 1970, from its size."""
+    if column.number in table.moments:
+        return "s"
+    if column.unit and factor(TIME, column.unit):
+        return column.unit
+    if column.unit:
+        return None
+    values = table.values[:, column.number]
+    first = next(iter(values[np.isfinite(values)]), np.nan)
+    return next((name for size, name in _EPOCHS.items() if 0.3 * size < first < 10 * size), None)
+
+
+_EPOCHS = {1e9: "s", 1e12: "ms", 1e15: "us", 1e18: "ns"}
+"""Times since 1970 in each unit."""
+
+_STEPS = {0.5: "s", 500.0: "ms", 5e5: "us", np.inf: "ns"}
+"""Steps below which a time is in a unit, if the rate is between 2 Hz and 2 kHz."""
+
+
+def unit_of_steps(table: Table, column: Column) -> str | None:
+    """Unit of a column of time without one, which its steps say; None if it has a unit, or does not increase."""
+    step = np.diff(table.values[:, column.number])
+    step = step[step > 0]
+    if column.unit or _written(table, column) or not len(step):
+        return None
+    return next(unit for limit, unit in _STEPS.items() if np.median(step) < limit)
 
 
 def seconds(table: Table, column: Column, origin: float | None = None) -> np.ndarray:
@@ -248,19 +330,16 @@ def seconds(table: Table, column: Column, origin: float | None = None) -> np.nda
     """
     values = table.values[:, column.number]
     first = next(iter(values[np.isfinite(values)]), np.nan)
-    written = column.unit or ("s" if column.source.startswith("seconds") else None)
+    written = _written(table, column) or unit_of_steps(table, column)
     if written is None:
-        # The unit of a time since 1970 shows in its size.
-        sizes = {1e9: "s", 1e12: "ms", 1e15: "us", 1e18: "ns"}
-        written = next((name for size, name in sizes.items() if 0.3 * size < first < 10 * size), None)
-    known = factor(TIME, written) if written is not None else None
-    if known is None:
         name = table.header[column.number].strip()
-        raise RecordingError(f"{table.path}: column {name!r}{_unknown(written)}; units are {listed(TIME)}, in "
-                             f"parentheses after the name, or after a colon in --columns time={name}:ms")
-    if abs(first * known[0]) > EPOCH_S:
+        raise RecordingError(f"{table.path}: column {name!r}{_unknown(column.unit)}; units are {listed(TIME)}, in "
+                             f"parentheses after the name, or in --columns time=:ms")
+    check_numbers(table, [column])
+    scale = factor(TIME, written)[0]
+    if abs(first * scale) > EPOCH_S:
         values = values - (first if origin is None else origin)
-    return known[0] * values
+    return scale * values
 
 
 EPOCH_S = 1e8

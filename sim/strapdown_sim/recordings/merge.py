@@ -60,11 +60,11 @@ def recording_of(log: Log, *, imu: str | None = None, mag: str | None = None, st
     """
     gyro = log.chosen(GYRO, imu, "--imu")
     if gyro is None:
-        raise RecordingError(f"{log.path}: the log ({log.form}) has no gyro")
+        raise RecordingError(f"{log.path}: the log ({log.form}) has no gyro; record it too")
     forces = log.of(ACCEL)
     accel = next((stream for stream in forces if stream.name == gyro.name), forces[0] if forces else None)
     if accel is None:
-        raise RecordingError(f"{log.path}: the log ({log.form}) has no accelerometer")
+        raise RecordingError(f"{log.path}: the log ({log.form}) has no accelerometer; record it too")
     field = log.chosen(MAG, mag, "--mag")
 
     clock = _clock(log, gyro, start_s, stop_s)
@@ -88,7 +88,7 @@ def recording_of(log: Log, *, imu: str | None = None, mag: str | None = None, st
         if rate < 0.9 * recording.sample_rate_hz:
             notes.append(f"magnetometer: {int(new.sum())} samples, {rate:.3g} Hz; each is used once")
     if log.stamped:
-        period = np.diff(time_s, prepend=2 * time_s[0] - time_s[1])
+        period = np.diff(time_s, append=2 * time_s[-1] - time_s[-2])
         recording = replace(recording, period_s=period, timing=Timing(
             faults=faults, bridged=tuple(bridged), longest_gap_s=longest, bridge_error_deg=angle,
             one_rate_error_deg=_one_rate_error(recording.gyro_deg_s, period, 1 / recording.sample_rate_hz)))

@@ -8,19 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of
+from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of, unit_of_steps
+from .dialects import dialect_of, units_of_values
 from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream, interpolated
 from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
 from .x_imu import x_imu_log
 
-__all__ = ["FIXED_UNITS", "gravity_side", "kind_of_name", "read_csv", "table_log"]
-
-FIXED_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "uT"}
-"""Units of files of Sensor Logger, which do not name them."""
-
-ROS_UNITS = FIXED_UNITS | {MAG: "T"}
-"""Units of the messages of ROS, for tables with their fields."""
+__all__ = ["gravity_side", "kind_of_name", "read_csv", "table_log"]
 
 XSENS_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "a.u."}
 """Units of text files of Xsens MT Manager."""
@@ -54,17 +49,23 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
     if missing and alone and kind_of_name(table.path):
         raise RecordingError(f"{table.path}: only the {alone} is in this file; replay the folder with the files of all "
                              f"sensors: {table.path.parent}")
+    if missing and table.header[0] == "1":
+        raise RecordingError(f"{table.path}: line {table.lines[0]} holds numbers, and no line before it names "
+                             f"{len(table.header)} columns: name them by their numbers, as in --columns time=1:ms "
+                             "--columns gyro_x=2:deg/s")
     if missing:
         name = {GYRO: "Gyroscope X", ACCEL: "Accelerometer X"}[missing[0]]
         raise RecordingError(f"{table.path}: no column {name!r}; the columns are {', '.join(table.header)}: name it "
                              "with "
                              f"--columns {missing[0]}_x=NAME:UNIT")
     xsens = _xsens(table, found, sample_rate_hz)
-    if xsens is None and TIME not in found.of and COUNTER in found.of and "packet" in found.of[COUNTER][0].source:
+    if xsens is None and TIME not in found.of and COUNTER in found.of and \
+            "packet number" in found.of[COUNTER][0].source:
         return x_imu_log(table, found, sample_rate_hz, reference)
     if reference is not None:
         raise RecordingError(f"{table.path}: only x-IMU exports have a separate reference; leave it out")
-    stamped, rate, units = True, None, _ros_units(found)
+    dialect, notes = dialect_of(table), list(ignored_note(table, found))
+    stamped, rate, units = True, None, dict(dialect.units) if dialect else {}
     if xsens is not None:
         time_s, stamped, units = xsens
     elif _is_blackbox(table) and TIME in found.of and not found.of[TIME][0].unit:
@@ -73,26 +74,28 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         if sample_rate_hz is not None:
             raise RecordingError(f"{table.path}: the file contains its time; leave out the sample rate")
         time_s = seconds(table, found.of[TIME][0])
+        if unit := unit_of_steps(table, found.of[TIME][0]):
+            notes.append(f"time: no unit in the header; its steps go with {unit}")
     elif sample_rate_hz is not None:
         stamped, rate, time_s = False, float(sample_rate_hz), np.arange(len(table.lines)) / sample_rate_hz
     else:
         raise RecordingError(f"{table.path}: no column 'Time'; add it, name it with --columns time=NAME:UNIT, or give "
                              "the "
                              "rate of the rows with --rate HZ")
-    notes = list(ignored_note(table, found))
     if _is_blackbox(table):
         table, units, guessed = _blackbox(table, found)
-        notes += guessed
+    else:
+        more, guessed = units_of_values(table, found, time_s, units)
+        units |= more
+    notes += guessed
     streams = streams_of(table, found, time_s, units=units)
+    if dialect and dialect.signs:
+        streams = [replace(stream, values=stream.values * dialect.signs[stream.kind])
+                   if stream.kind in dialect.signs else stream for stream in streams]
     streams += _beside(table, found)
     streams += [Stream(**attitude) for attitude in _attitude(table, found, time_s, streams)]
     return Log(table.path, "table of text", tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
                place=lambda row: f"line {table.lines[row]}")
-
-
-def _ros_units(found):
-    """Units of the fields of ROS messages, if a table has such fields; they name none."""
-    return ROS_UNITS if "angular velocity" in found.of[GYRO][0].source else None
 
 
 def _xsens(table, found, sample_rate_hz):
@@ -103,9 +106,9 @@ def _xsens(table, found, sample_rate_hz):
     manager = any(comment.startswith("//") for comment in table.comments)
     units = XSENS_UNITS if manager else XSENS_DOT_UNITS
     rows = np.arange(len(table.lines), dtype=float)
-    if "sampletimefine" in plain:
+    ticks = table.values[:, plain.index("sampletimefine")] if "sampletimefine" in plain else np.full(1, np.nan)
+    if np.isfinite(ticks).all():
         # Ticks of 100 us, in an app of DOT of 1 us.
-        ticks = table.values[:, plain.index("sampletimefine")]
         return (ticks - ticks[0]) * (1e-4 if manager else 1e-6), True, units
     rates = [re.search(r"(?:sample|update) rate:\s*([\d.]+)", comment.lower()) for comment in table.comments]
     rate = sample_rate_hz or next((float(match[1]) for match in rates if match), None)

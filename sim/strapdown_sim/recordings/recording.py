@@ -106,7 +106,8 @@ class Recording:
     reference : Reference or None
         Reference orientation in the recording.
     period_s : ndarray, shape (N,), or None
-        Time from the sample before to each sample, seconds; None if the file has no time stamps.
+        Time from each sample to the next, seconds, during which its rate holds; that of the last is the step before
+        it. None if the file has no time stamps.
     mag_new : ndarray of bool, shape (N,), or None
         Where ``mag`` has a sample that was not there before; None stands for wherever it is not zero.
     timing : Timing or None

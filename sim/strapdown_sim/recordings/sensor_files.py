@@ -1,4 +1,4 @@
-"""Recordings of one file for each sensor, in a folder or a zip: phones (phyphox, Sensor Logger), x-IMU3, NGIMU, EuRoC.
+"""Recordings of one file for each sensor, in a folder: phones (phyphox, Sensor Logger), x-IMU3, NGIMU, EuRoC.
 
 The columns say which sensor a file holds, or its name, where they are only called X, Y and Z.
 
@@ -17,15 +17,15 @@ EuRoC, TUM-VI            ``imu0/data.csv``; ``state_groundtruth_estimate0`` or `
 Axes of phones are x right, y up along the screen, z out of it; accelerometers read one g upwards at rest.
 """
 
-import zipfile
-from pathlib import Path
-from typing import NamedTuple
+import csv
+from dataclasses import replace
 
 import numpy as np
 
 from .columns import TIME, columns_of, scaled, seconds, streams_of
+from .dialects import PHONE_UNITS
 from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated
-from .plain_csv import FIXED_UNITS, gravity_side, kind_of_name, table_log
+from .plain_csv import gravity_side, kind_of_name, table_log
 from .recording import RecordingError
 from .table import decoded, parse_table
 
@@ -34,60 +34,39 @@ __all__ = ["is_sensor_files", "read_sensor_files"]
 ENDINGS = ".csv", ".txt"
 
 PARTS = "totalacceleration", "inertial", "sensors", "accelerometer", "acceleration", "raw data"
-LEAST = "uncalibrated", "linear", "without g"
+LEAST = "uncalibrated", "linear", "without g", "wrist", "watch", "headphone"
 """Words in the names of wanted files, the most wanted first, and of files that are used if there is no other."""
 
 TRUTH = "state_groundtruth_estimate0", "mocap0"
 """Folders with the true pose in a EuRoC set."""
 
 
-class File(NamedTuple):
-    """A file of text: its name with folders, and its bytes."""
-
-    name: str
-    data: bytes
-
-
 def is_sensor_files(path, head):
-    """Whether a path is a folder, or a zip, with files of text."""
-    return any(True for _ in _names(path, head))
+    """Whether a path is a folder with files of text."""
+    return path.is_dir() and bool(_files(path))
 
 
-def _names(path, head):
-    if path.is_dir():
-        yield from (str(file.relative_to(path)) for file in sorted(path.rglob("*"))
-                    if file.suffix.lower() in ENDINGS and len(file.relative_to(path).parts) <= 4)
-    elif head.startswith(b"PK"):
-        try:
-            with zipfile.ZipFile(path) as archive:
-                yield from (name for name in sorted(archive.namelist()) if name.lower().endswith(ENDINGS))
-        except zipfile.BadZipFile:
-            return
-
-
-def _read(path, names):
-    if path.is_dir():
-        return [File(name, (path / name).read_bytes()) for name in names]
-    with zipfile.ZipFile(path) as archive:
-        return [File(name, archive.read(name)) for name in names]
+def _files(folder):
+    """The files of text in a folder, and in folders in it."""
+    return [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in ENDINGS
+            and len(file.relative_to(folder).parts) <= 4 and not file.name.startswith(".")
+            and "meta" not in (file.parent.name.lower(), file.stem.lower().removesuffix("data"))]
 
 
 def read_sensor_files(path):
-    """The Log of a folder or zip. Raises: RecordingError."""
-    names = [name for name in _names(path, b"" if path.is_dir() else b"PK")
-             if "meta" not in name.lower() and not Path(name).name.startswith(".")]
-    imu = [name for name in names if "imu" in Path(name).parent.name.lower() and Path(name).name == "data.csv"]
-    if imu and path.is_dir():
-        return _euroc(path, imu)
-    return _merged(path, _read(path, names))
+    """The Log of a folder. Raises: RecordingError."""
+    files = _files(path)
+    imus = [file for file in files if "imu" in file.parent.name.lower() and file.name == "data.csv"]
+    return _euroc(path, imus) if imus else _merged(path, files)
 
 
-def _euroc(path, imu):
+def _euroc(path, imus):
     """Log of the first IMU of a EuRoC folder, with the true pose beside it."""
-    first = parse_table(path / imu[0], decoded((path / imu[0]).read_bytes()))
+    first = parse_table(imus[0], decoded(imus[0].read_bytes()))
     log = table_log(first)
-    truth = next((file for name in TRUTH if (file := (path / imu[0]).parents[1] / name / "data.csv").is_file()), None)
-    notes = () if len(imu) == 1 else (f"IMUs not used: {', '.join(imu[1:])}; replay their data.csv",)
+    truth = next((file for name in TRUTH if (file := imus[0].parents[1] / name / "data.csv").is_file()), None)
+    others = ", ".join(str(file.relative_to(path)) for file in imus[1:])
+    notes = (f"IMUs not used: {others}; replay their data.csv",) if others else ()
     log = Log(path, "EuRoC", log.streams, notes=(*log.notes, *notes), place=log.place)
     if truth is None:
         return log
@@ -103,52 +82,78 @@ def _euroc(path, imu):
 
 def _merged(path, files):
     """Log of the streams of all files."""
-    found, notes, tables = [], [], {}
-    for file in files:
+    found, gravity, whole = [], None, []
+    for file in sorted(files, key=lambda file: (_rank(file), file)):
         try:
-            tables[file.name] = parse_table(Path(file.name), decoded(file.data))
+            table = parse_table(file, decoded(file.read_bytes()))
+            columns = columns_of(table, default=kind_of_name(file))
         except RecordingError:
             continue
-    gravity = None
-    for name, table in sorted(tables.items(), key=lambda item: (_rank(item[0]), item[0])):
-        kind = kind_of_name(Path(name))
-        if "gravity" in name.lower():
+        if GYRO in columns.of and ACCEL in columns.of:
+            whole.append(table)
+        if "gravity" in file.name.lower():
             gravity = table
-            continue
-        columns = columns_of(table, default=kind)
-        if TIME in columns.of and any(each in columns.of for each in (GYRO, ACCEL, MAG, ATTITUDE)):
-            found.append((name, table, columns))
-    if not any(GYRO in columns.of for _, _, columns in found):
-        have = ", ".join(Path(file.name).name for file in files) or "no file of text"
+        elif TIME in columns.of and any(each in columns.of for each in (GYRO, ACCEL, MAG, ATTITUDE)):
+            found.append((file.stem, table, columns))
+    alone = next((table for _, table, columns in found if GYRO in columns.of and ACCEL not in columns.of), None)
+    if alone is None and len(whole) > 1:
+        names = ", ".join(table.path.name for table in whole[:5]) + (" and others" if len(whole) > 5 else "")
+        raise RecordingError(f"{path}: {len(whole)} recordings are in it ({names}); name one of them")
+    if alone is None and not whole:
+        have = ", ".join(file.name for file in files) or "no file of text"
         raise RecordingError(f"{path}: no file with a gyroscope is in it ({have}); record the gyroscope too")
-    origin = next(table.values[0, columns.of[TIME][0].number] for _, table, columns in found if GYRO in columns.of)
-    streams, attitudes = [], []
+    log = table_log(whole[0]) if alone is None else None
+    first = alone or whole[0]
+    times = columns_of(first, default=kind_of_name(first.path)).of.get(TIME)
+    origin = first.values[0, times[0].number] if times else None
+    streams, attitudes, used = [] if log is None else list(log.streams), [], [first.path] * (log is not None)
     for name, table, columns in found:
+        if table.path in used or any(stream.name == name for stream in streams) or (log and ACCEL in columns.of):
+            continue
+        used.append(table.path)
         time_s = seconds(table, columns.of[TIME][0], origin)
         # A file of a phone without units is one of Sensor Logger.
-        streams += streams_of(table, columns, time_s, units=FIXED_UNITS, name=Path(name).stem)
+        streams += streams_of(table, columns, time_s, units=PHONE_UNITS, name=name)
         if ATTITUDE in columns.of:
-            attitudes.append((Path(name).stem, time_s, scaled(table, columns.of[ATTITUDE])[0]))
+            attitudes.append((name, time_s, scaled(table, columns.of[ATTITUDE])[0]))
     forces = [stream for stream in streams if stream.kind == ACCEL]
+    notes = [] if log is None else list(log.notes)
     if forces and gravity is not None and not _has_gravity(forces[0]):
         forces[0] = _with_gravity(forces[0], gravity, origin)
-        notes.append(f"gravity of Gravity.csv is added to {forces[0].name}")
-    for name, time_s, q in attitudes:
+        notes.append(f"gravity of {gravity.path.name} is added to {forces[0].name}")
+    if forces and log is None and _is_ios(path):
+        forces = [replace(stream, values=-stream.values) for stream in forces]
+        notes.append("accelerometer: signs of iOS, turned")
+    for name, time_s, q in attitudes if forces else ():
         force = interpolated(time_s, forces[0].time_s, forces[0].values)
         turned = gravity_side(q, force)
         if turned is not None:
             streams.append(Stream(ATTITUDE, name, time_s, turned, frame="NWU",
                                   meaning="the device's own estimate, not truth"))
     order = [stream for stream in streams if stream.kind != ACCEL] + forces
-    used = {Path(name).name for name, _, _ in found}
-    if unused := [Path(file.name).name for file in files if Path(file.name).name not in used
-                  and "gravity" not in file.name.lower()]:
-        notes.append(f"files not used: {', '.join(sorted(unused))}")
+    names = {stream.name for stream in streams}
+    unused = sorted(file.name for file in files if file not in used and file.stem not in names
+                    and (gravity is None or file != gravity.path))
+    if unused:
+        notes.append(f"files not used: {', '.join(unused)}")
+    if log is not None:
+        return replace(log, path=path, streams=tuple(order), notes=tuple(notes))
     return Log(path, "one file for each sensor", tuple(order), notes=tuple(notes))
 
 
-def _rank(name):
-    lower = Path(name).stem.lower()
+def _is_ios(path):
+    """Whether the metadata of Sensor Logger say that the signs of accelerations are those of iOS.
+
+    There gravity less acceleration is recorded, unless units and frames are standardised.
+    """
+    for file in path.rglob("Metadata.csv"):
+        row = next(csv.DictReader(decoded(file.read_bytes()).splitlines()), {})
+        return row.get("platform", "").lower() == "ios" and row.get("standardisation", "").lower() != "true"
+    return False
+
+
+def _rank(file):
+    lower = file.stem.lower()
     rank = next((rank for rank, word in enumerate(PARTS) if word in lower), 0)
     return rank + len(PARTS) * any(word in lower for word in LEAST)
 
@@ -159,7 +164,7 @@ def _has_gravity(stream):
 
 def _with_gravity(stream, table, origin):
     columns = columns_of(table, default=ACCEL)
-    values, _ = scaled(table, columns.of[ACCEL], FIXED_UNITS)
+    values, _ = scaled(table, columns.of[ACCEL], PHONE_UNITS)
     time_s = seconds(table, columns.of[TIME][0], origin)
     added = interpolated(stream.time_s, time_s, values)
     return Stream(ACCEL, stream.name, stream.time_s, stream.values + added, stream.unit)

@@ -6,12 +6,14 @@ import re
 from array import array
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 
 from .recording import RecordingError
+from .units import UNITS, factor
 
 __all__ = ["PACKET", "Table", "looks_like_table", "parse_table", "read_table", "require"]
 
@@ -19,6 +21,9 @@ PACKET = "Packet number"
 
 COMMENT = "#", "//", "%"
 """Starts of lines that are not part of the table, but for the last one before the numbers, which may be its header."""
+
+HEAD_BYTES = 4096
+"""First bytes of a file, from which its encoding is found."""
 
 SAMPLES = 16
 """One more than the lines from which the number of columns is found."""
@@ -35,7 +40,7 @@ class Table:
     ------
     path : Path
     header : list of str
-        Cells of the header, stripped; empty without a header.
+        Cells of the header, stripped; numbers of the columns, from 1 on, without a header.
     values : ndarray, shape (N, columns)
         NaN for a cell without a number.
     lines : Sequence of int
@@ -44,6 +49,10 @@ class Table:
         Lines of comments, and other lines before the header, stripped.
     columns : dict
         Maps names that the reader knows to columns.
+    unreadable : dict
+        Maps a column to the line and the text of its first cell that is neither a number, nor empty, nor a word.
+    moments : frozenset of int
+        Columns of dates and times of day, which are seconds in ``values``.
     """
 
     path: Path
@@ -52,6 +61,8 @@ class Table:
     lines: Sequence[int]
     comments: tuple[str, ...]
     columns: dict[str, int]
+    unreadable: dict[int, tuple[int, str]] = field(default_factory=dict)
+    moments: frozenset[int] = frozenset()
 
     def __getitem__(self, names):
         """Values of one known column, shape (N,), or of several, shape (N, len(names))."""
@@ -61,26 +72,37 @@ class Table:
 
 
 def decoded(data: bytes) -> str:
-    """Text of a file: UTF-8, or UTF-16 with a byte order mark."""
+    """Text of a file: UTF-8; UTF-16, also without a byte order mark; or else Windows-1252."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
-    return data.decode("utf-8-sig", errors="replace")
+    if (order := _utf16(data)) is not None:
+        return data.decode(order, errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def _utf16(data):
+    """The name of UTF-16 if every second byte of the first ones is zero, as in plain letters; or else None."""
+    head = data[:HEAD_BYTES]
+    return next((name for name, first in (("utf-16-le", 1), ("utf-16-be", 0))
+                 if head[first::2].count(0) > 0.9 * len(head) / 2 and not head[1 - first::2].count(0)), None)
 
 
 def looks_like_table(head: bytes) -> bool:
     """Whether the first bytes of a file are text."""
-    text = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" not in head
+    text = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" not in head or _utf16(head) is not None
     return bool(head) and text
 
 
-def parse_table(path: Path, text: str, *, header: list[str] | None = None) -> Table:
-    """A Table from text; ``header`` names the columns of a file without a header line.
-
-    Raises: RecordingError.
-    """
+def parse_table(path: Path, text: str) -> Table:
+    """A Table from text. Raises: RecordingError."""
     lines = text.splitlines()
-    start, names, delimiter, comma, comments = _layout(path, lines, header)
+    start, names, delimiter, comma, comments = _layout(path, lines)
     width, cells, numbers, count = len(names), array("d"), array("q"), 0
+    unreadable: dict[int, tuple[int, str]] = {}
+    moments: set[int] = set()
     for number, line in enumerate(lines[start:], start + 1):
         if not line.strip() or line.lstrip().startswith(COMMENT):
             continue
@@ -97,34 +119,63 @@ def parse_table(path: Path, text: str, *, header: list[str] | None = None) -> Ta
             cells.extend(map(float, row) if not comma else (float(cell.replace(",", ".")) for cell in row))
         except ValueError:
             del cells[count * width:]
-            cells.extend(_numbers(path, number, row, names, comma))
+            cells.extend(_number(cell, comma, number, column, unreadable, moments) for column, cell in enumerate(row))
         numbers.append(number)
         count += 1
     if count < 2:
-        raise RecordingError(f"{path}: {count} rows of numbers; at least 2 are needed")
+        raise RecordingError(f"{path}: {count} rows of numbers; at least 2 are needed, below a line with their names")
     values = np.frombuffer(cells, float).reshape(count, width)
-    return Table(path, names, values, numbers, comments, {})
+    return Table(path, names, values, numbers, comments, {}, unreadable, frozenset(moments))
 
 
-def _numbers(path, number, row, names, comma):
-    for cell, name in zip(row, names, strict=True):
-        text = cell.strip()
-        if text.casefold() in EMPTY:
-            yield np.nan
-            continue
-        try:
-            yield float(text.replace(",", ".") if comma else text)
-        except ValueError:
-            if _is_word(text):
-                # A column of words, such as a flag or a date: no number of the recording.
-                yield np.nan
-                continue
-            raise RecordingError(f"{path}: line {number}, column {name!r}: {cell!r} is not a number; "
-                                 "correct or delete the line") from None
+def _number(cell, comma, line, column, unreadable, moments):
+    """The number in a cell; NaN without one."""
+    text = cell.strip()
+    try:
+        return float(text.replace(",", ".") if comma else text)
+    except ValueError:
+        pass
+    if (moment := _moment(text)) is not None:
+        moments.add(column)
+        return moment
+    # Words, such as a flag or a name, are no numbers of the recording.
+    if text.casefold() not in EMPTY and not re.match(r"[A-Za-z\"']", text):
+        unreadable.setdefault(column, (line, cell))
+    return np.nan
 
 
-def _is_word(text):
-    return bool(re.match(r"[A-Za-z\"']|\d{1,4}[-/:.]\d{1,2}[-/:.]\d", text))
+MONTHS = "jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"
+
+_DATE = r"(?:(\d{1,4})[-/.](\d{1,2}|[A-Za-z]{3})[-/.](\d{1,4})[T _,]*)?"
+_MOMENT = re.compile(_DATE + r"(?<![\d.])(\d{1,2})([-:])(\d{1,2})(?:[-:](\d{1,2}))?(?:([.:,_])(\d{1,9}))?"
+                             r"\s*([AaPp][Mm])?\s*(?:Z|UTC|GMT|[-+]\d{2}:?\d{2})?")
+
+
+def _moment(text):
+    """Seconds of a date with a time, since 1970, or of a time of day; None for another text.
+
+    Time zones do not matter, because only differences do. Three or less digits after a colon are milliseconds.
+    """
+    match = _MOMENT.fullmatch(text)
+    if match is None or (match[7] is None and match[8] not in (".", ",")):
+        return None
+    first, month, last, hours, _, minutes, seconds, sign, digits, half = match.groups()
+    if seconds is None:
+        # Minutes and seconds.
+        hours, minutes, seconds = 0, hours, minutes
+    fraction = 0.0 if digits is None else int(digits) / 1000 if sign == ":" else float(f"0.{digits}")
+    clock = (int(hours) % 12 + 12 * (half.lower() == "pm") if half else int(hours)) * 3600 + int(minutes) * 60 + \
+        int(seconds) + fraction
+    if first is None:
+        return clock
+    number = MONTHS.index(month.lower()) + 1 if month.lower() in MONTHS else int(month) if month.isdigit() else 0
+    year, day = (int(first), int(last)) if len(first) > 2 else (int(last), int(first))
+    if number > 12:
+        number, day = day, number
+    try:
+        return (date(year if year > 99 else 2000 + year, number, day) - date(1970, 1, 1)).days * 86400 + clock
+    except ValueError:
+        return None
 
 
 def _split(line, delimiter):
@@ -150,7 +201,7 @@ def _is_number(cell):
     return True
 
 
-def _layout(path, lines, header):
+def _layout(path, lines):
     """First line of numbers (index), names, delimiter, whether the decimal sign is a comma, and comments."""
     comments, before, width = [], [], _usual_width(lines)
     for index, line in enumerate(lines):
@@ -161,34 +212,45 @@ def _layout(path, lines, header):
             comments.append(text)
             before.append(text.lstrip("#/% "))
             continue
-        found = _numeric(text, before[-1:] if header is None else [])
+        found = _numeric(text, before[-1:])
         # Lines before the table may hold numbers too, such as settings.
         if found is None or (width is not None and abs(len(_split(text, width[0])) - width[1]) > 1):
             before.append(text)
             continue
         delimiter, cells = found
-        comma = delimiter != "," and any(re.fullmatch(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*", cell) for cell in cells)
-        if header is not None:
-            return index, header, delimiter, comma, tuple(comments)
+        comma = any(_decimal_comma(delimiter, cell) for each in lines[index:index + SAMPLES]
+                    for cell in _split(each, delimiter))
         # The header is the last line with as many cells, or one less where lines end with a delimiter; a line of units
         # may stand below it.
         count = len(cells)
-        heads = [[cell.strip().strip('"') for cell in _split(each, delimiter)] for each in before[-2:]]
+        heads = [[_name(cell) for cell in _split(each, delimiter)] for each in before[-2:]]
         heads = [head[:count] for head in heads if len(head) in (count, count + 1)
                  or (len(head) == count - 1 and not cells[-1].strip())]
         if not heads:
-            raise RecordingError(f"{path}: line {index + 1} holds numbers, and no line before it names "
-                                 f"{count} columns")
+            return index, [str(number + 1) for number in range(count)], delimiter, comma, (*comments, *before)
         names = heads[-1]
-        if len(heads) == 2 and len(heads[0]) == len(names) and all(_is_unit(cell) for cell in names):
-            units = [re.sub(r"[()\[\]]", "", unit) for unit in names]
-            names = [f"{name} ({unit})" if unit else name for name, unit in zip(heads[0], units, strict=True)]
+        if len(heads) == 2 and len(heads[0]) == len(names) and _are_units(names):
+            units = [re.sub(r"^[(\[](.*)[)\]]$", r"\1", unit) for unit in names]
+            names = [f"{name} [{unit}]" if unit else name for name, unit in zip(heads[0], units, strict=True)]
         return index, names, delimiter, comma, (*comments, *before[:-1])
     if not any(line.strip() for line in lines):
         raise RecordingError(f"{path}: the file is empty")
     first = next(line for line in lines if line.strip())
     delimiter = max(",;\t", key=first.count)
-    return len(lines), header or [cell.strip().strip('"') for cell in first.split(delimiter)], delimiter, False, ()
+    return len(lines), [_name(cell) for cell in first.split(delimiter)], delimiter, False, ()
+
+
+def _name(cell):
+    """A cell of the header; those of the 3-Space sensors are written as formats, %float(RawGyroX)."""
+    name = cell.strip().strip('"')
+    match = re.search(r"%\w+\((\w+)\)$", name)
+    return match[1] if match else name
+
+
+def _decimal_comma(delimiter, cell):
+    """Whether a cell has a decimal comma. Between commas as delimiters, 1,000 would be a thousand."""
+    return bool(re.fullmatch(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*", cell)) and (
+        delimiter != "," or not re.fullmatch(r"\s*[-+]?[1-9]\d{0,2}(,\d{3})+\s*", cell))
 
 
 def _usual_width(lines):
@@ -200,8 +262,11 @@ def _usual_width(lines):
     return counts.most_common(1)[0][0] if counts else None
 
 
-def _is_unit(cell):
-    return len(cell) <= 12 and bool(re.fullmatch(r"|[(\[].*|.*[/°µ].*|s|ms|us|ns|g|G|T|uT|mG", cell))
+def _are_units(cells):
+    """Whether at least half of the cells that are not empty are units."""
+    filled = [re.sub(r"^[(\[](.*)[)\]]$", r"\1", cell) for cell in cells if cell]
+    known = sum(any(factor(kind, cell) for kind in UNITS) for cell in filled)
+    return known > 0 and known >= len(filled) / 2
 
 
 def _numeric(line, head):

@@ -18,6 +18,9 @@ topic                                  fields                    stream
 =====================================  ========================  ==========================================
 """
 
+from contextlib import redirect_stdout
+from io import StringIO
+
 import numpy as np
 
 from .extra import needed
@@ -36,9 +39,13 @@ from .log import (
 )
 from .recording import RecordingError
 
-__all__ = ["MAGIC", "read_ulog"]
+__all__ = ["MAGIC", "TOPICS", "read_ulog", "streams_of_topics"]
 
 MAGIC = b"ULog\x01\x12\x35"
+
+TOPICS = ("sensor_combined", "vehicle_imu", "sensor_gyro", "sensor_accel", "vehicle_magnetometer", "sensor_mag",
+          "vehicle_attitude", "vehicle_local_position", "vehicle_gps_position", "vehicle_air_data")
+"""Topics that are read."""
 
 INVALID_RELATIVE = 2**31 - 1
 """Relative time stamp of a sample that is not there."""
@@ -50,7 +57,8 @@ def read_ulog(path):
     """The Log of a ULog file. Raises: RecordingError."""
     pyulog = needed(path, "ULog", "pyulog")
     try:
-        with path.open("rb") as file:
+        # The library prints what it finds damaged.
+        with path.open("rb") as file, redirect_stdout(StringIO()):
             log = pyulog.ULog(file)
     except Exception as error:  # the library raises what its parser meets
         raise RecordingError(f"{path}: not a ULog file that can be read ({type(error).__name__}: {error})") from None
@@ -58,13 +66,18 @@ def read_ulog(path):
     for data in log.data_list:
         if len(data.data["timestamp"]) > 1:
             topics[data.name, data.multi_id] = data.data
-    streams = _Streams(topics).all()
+    streams = streams_of_topics(topics)
     if not any(stream.kind == GYRO for stream in streams):
         raise RecordingError(f"{path}: the log has none of the topics sensor_combined, vehicle_imu and sensor_gyro; "
                              "set SDLOG_PROFILE so that PX4 logs one, unless the file is cut off")
     lost = [dropout.duration for dropout in log.dropouts]
     notes = (f"the logger dropped out {len(lost)} times, {sum(lost) / 1000:.3g} s in all",) if lost else ()
     return Log(path, "ULog", tuple(streams), notes=notes)
+
+
+def streams_of_topics(topics):
+    """Streams of topics, which map (name, instance) to arrays by field."""
+    return _Streams(topics).all()
 
 
 class _Streams:

@@ -6,7 +6,7 @@ import numpy as np
 
 from .recording import STANDARD_GRAVITY
 
-__all__ = ["UNITS", "factor", "listed"]
+__all__ = ["UNITS", "factor", "listed", "quantity"]
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
@@ -29,24 +29,40 @@ _SPELLINGS = {
              "nanoseconds": "ns"},
     "gyro": {"dps": "deg/s", "degs": "deg/s", "deg/sec": "deg/s", "degs-1": "deg/s", "degs^-1": "deg/s",
              "degrees/s": "deg/s", "degree/s": "deg/s", "degrees/sec": "deg/s", "degpersec": "deg/s",
+             "d/s": "deg/s", "degps": "deg/s", "degsec": "deg/s", "radps": "rad/s", "rps": "rad/s", "radsec": "rad/s",
              "rads": "rad/s", "rad/sec": "rad/s", "rads-1": "rad/s", "rads^-1": "rad/s", "radians/s": "rad/s",
              "mdps": "mdeg/s", "mrads": "mrad/s"},
     "accel": {"gs": "g", "gee": "g", "m/s2": "m/s^2", "m/s/s": "m/s^2", "ms^-2": "m/s^2", "ms-2": "m/s^2",
               "mps2": "m/s^2", "mps^2": "m/s^2", "m/sec^2": "m/s^2", "m/sec2": "m/s^2", "mss": "m/s^2", "ms2": "m/s^2",
-              "m/ss": "m/s^2", "milli-g": "mg", "micro-g": "ug"},
+              "m/ss": "m/s^2", "m/(s^2)": "m/s^2", "m/(ss)": "m/s^2", "milli-g": "mg", "micro-g": "ug", "gforce": "g"},
     "mag": {"gauss": "g", "gs": "g", "ga": "g", "mgauss": "mg", "mga": "mg", "milligauss": "mg", "tesla": "t",
-            "microtesla": "ut", "microteslas": "ut", "nanotesla": "nt", "millitesla": "mt", "au": "a.u."},
+            "microtesla": "ut", "microteslas": "ut", "nanotesla": "nt", "millitesla": "mt", "au": "a.u.",
+            "localflux": "a.u."},
     "pressure": {"pascal": "pa", "millibar": "mbar"},
     "attitude": {},
 }
 
 
 def factor(kind: str, unit: str) -> tuple[float, str] | None:
-    """Factor and usual spelling of a unit of a quantity ("time", "gyro", ...), or None if it is not known."""
+    """Factor and usual spelling of a unit of a quantity ("time", "gyro", ...), or None if it is not known.
+
+    A number before the unit, as in 0.061mg, is the size of a count.
+    """
+    number, unit = re.fullmatch(r"\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)?(.*)", unit, re.DOTALL).groups()
     plain = re.sub(r"\^\{?(-?\d)\}?", r"^\1", unit.translate(_CHARACTERS)).casefold()
     plain = _SPELLINGS[kind].get(plain, plain).casefold()
     known = {name.casefold(): name for name in UNITS[kind]}
-    return (UNITS[kind][known[plain]], known[plain]) if plain in known else None
+    if plain not in known:
+        return None
+    return UNITS[kind][known[plain]] * float(number or 1), (number or "") + known[plain]
+
+
+def quantity(unit: str) -> str | None:
+    """The quantity that has a unit, of those that a sensor measures along axes, and time; None if there is none.
+
+    Of acceleration and field, which both have a G, it is the acceleration.
+    """
+    return next((kind for kind in ("time", "gyro", "accel", "mag") if factor(kind, unit)), None)
 
 
 def listed(kind: str) -> str:

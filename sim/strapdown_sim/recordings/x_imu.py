@@ -8,15 +8,15 @@ import numpy as np
 from .columns import COUNTER, Columns, streams_of
 from .log import ATTITUDE, Log, Stream
 from .recording import RecordingError
-from .table import PACKET, Table, read_table, require
+from .table import PACKET, Table, decoded, read_table, require
 
 __all__ = ["X_IMU_RATE_HZ", "x_imu_log"]
 
 X_IMU_RATE_HZ = 256.0
 """Sample rate assumed for an x-IMU export, whose samples have packet numbers but no time.
 
-The device writes calibrated inertial data at 2^(n-1) Hz; the register n is in another file of the
-export. 256 Hz (n = 9) is the highest rate, and that of the published recording 00033, as its
+The device writes calibrated inertial data at 2^(n-1) Hz; the register n is in ``..._Registers.csv`` of the
+export, which is read if it is there. 256 Hz (n = 9) is the highest rate, and that of the published recording 00033, as its
 real-time clock confirms: 12,626 samples in 49.3 s.
 """
 
@@ -36,27 +36,44 @@ def x_imu_log(table: Table, found: Columns, sample_rate_hz: float | None,
     table : Table
     found : Columns
     sample_rate_hz : float or None
-        X_IMU_RATE_HZ by default.
+        By default that of the file ``..._Registers.csv`` beside it, or else X_IMU_RATE_HZ.
     reference : path-like or None
         File of the device's quaternions; by default ``..._Quaternion.csv`` in the same folder, if it exists.
 
     Raises: RecordingError.
     """
     path = table.path
-    rate = X_IMU_RATE_HZ if sample_rate_hz is None else float(sample_rate_hz)
+    rate = (_register_rate(path) or X_IMU_RATE_HZ) if sample_rate_hz is None else float(sample_rate_hz)
     if not 0 < rate < np.inf:
         raise RecordingError(f"{path}: the sample rate must be positive, not {sample_rate_hz!r}")
     packets = table.values[:, found.of[COUNTER][0].number]
     _check_packets(table, packets, _MAX_PACKET_STEP)
     time_s = np.arange(len(table.lines)) / rate
     streams = streams_of(table, found, time_s)
-    sibling = path.with_name(path.name.replace("_CalInertialAndMag", "_Quaternion"))
-    if reference is None and sibling != path and sibling.is_file():
+    sibling = _beside(path, "_Quaternion")
+    if reference is None and sibling.is_file() and sibling != path:
         reference = sibling
     if reference is not None:
         streams.append(_device_attitude(table, packets, Path(reference), rate))
     return Log(path, "x-IMU export", tuple(streams), rate_hz=rate, stamped=False,
                place=lambda row: f"line {table.lines[row]}")
+
+
+def _beside(path, name):
+    """Path of another file of an export."""
+    return path.with_name(path.name.replace("_CalInertialAndMag", name))
+
+
+def _register_rate(path):
+    """Rate of the inertial data in the registers of the device, or None."""
+    registers = _beside(path, "_Registers")
+    if registers == path or not registers.is_file():
+        return None
+    for line in decoded(registers.read_bytes()).splitlines():
+        cells = [cell.strip() for cell in line.split(",")]
+        if cells[-1] == "InertialAndMagneticDataRate" and cells[2].isdigit() and int(cells[2]) > 0:
+            return 2.0 ** (int(cells[2]) - 1)
+    return None
 
 
 def _device_attitude(table, packets, path, rate):

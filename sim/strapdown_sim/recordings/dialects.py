@@ -1,0 +1,132 @@
+"""What the headers of tables leave unsaid: units and axes of programs that are known, units that the values say."""
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from .columns import Columns
+from .log import ACCEL, GYRO, MAG
+from .recording import STANDARD_GRAVITY
+from .table import Table
+from .units import UNITS
+
+__all__ = ["PHONE_UNITS", "Dialect", "dialect_of", "rate_unit", "units_of_values"]
+
+PHONE_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "uT"}
+"""Units of files of Sensor Logger, which do not name them."""
+
+FRD = (1.0, -1.0, -1.0)
+
+
+class Dialect(NamedTuple):
+    """Tables of a program.
+
+    Attributes
+    ----------
+    name : str
+    header : tuple of str
+        Regular expressions; each matches a cell of the header in lower case.
+    units : dict
+        Units of quantities whose columns name none that is known.
+    signs : dict
+        Factors of the axes of quantities, to those of a Log.
+    """
+
+    name: str
+    header: tuple[str, ...]
+    units: Mapping[str, str]
+    signs: Mapping[str, tuple[float, float, float]]
+
+
+DIALECTS = (
+    Dialect("ROS", (r".*angular_velocity[._/]x", r".*linear_acceleration[._/]x"), PHONE_UNITS | {MAG: "T"}, {}),
+    Dialect("ArduPilot", ("timeus", "gyrx", "accx"), PHONE_UNITS | {MAG: "mG"}, dict.fromkeys((GYRO, ACCEL, MAG), FRD)),
+    Dialect("3-Space", ("chiptimeus", "rawgyrox", "rawaccelx"), {GYRO: "rad/s", ACCEL: "g", MAG: "G"}, {}),
+    # Core Motion of iOS gives gravity less acceleration.
+    Dialect("SensorLog", (r"loggingtime.*", r"accelerometeraccelerationx.*"), {}, {ACCEL: (-1.0, -1.0, -1.0)}),
+    Dialect("Physics Toolbox", ("gfx", "wx"), PHONE_UNITS | {ACCEL: "g"}, {}),
+    Dialect("MicroStrain", (r"x accel \[x8004\]", r"x gyro \[x8005\]"), {GYRO: "rad/s", ACCEL: "g", MAG: "G"}, {}),
+)
+
+
+def dialect_of(table: Table) -> Dialect | None:
+    """The program that wrote a table, if it is known."""
+    cells = [cell.strip().lower() for cell in table.header]
+    return next((dialect for dialect in DIALECTS
+                 if all(any(re.fullmatch(each, cell) for cell in cells) for each in dialect.header)), None)
+
+
+NEAR = 1.3
+"""Ratio of a median specific force to one g, up to which it is one g."""
+
+FASTEST_RAD_S = 70.0
+"""Above the range of any gyro, 4000 deg/s in rad/s: a larger number is no rate in rad/s."""
+
+
+def units_of_values(table: Table, found: Columns, time_s: np.ndarray,
+                    known: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Units of sensors whose columns have none, as far as their values say them, and a note on each.
+
+    The median specific force is one g. Rates in rad/s and deg/s differ in how fast the specific force turns. The unit
+    of a field does not matter.
+    """
+    units: dict[str, str] = {}
+    notes: list[str] = []
+
+    def values_of(kind):
+        return table.values[:, [column.number for column in found.of[kind]]]
+
+    open_kinds = [kind for kind in (ACCEL, GYRO, MAG) if kind in found.of and kind not in known
+                  and not any(column.unit for column in found.of[kind])]
+    if ACCEL in open_kinds:
+        force = np.linalg.norm(values_of(ACCEL), axis=1)
+        median = np.median(force[force > 0]) if (force > 0).any() else np.nan
+        for unit in "g", "m/s^2", "mg":
+            if 1 / NEAR < median * UNITS[ACCEL][unit] / STANDARD_GRAVITY < NEAR:
+                units[ACCEL] = unit
+                notes.append(f"accelerometer: no unit in the header; {unit} makes its median one g")
+    if GYRO in open_kinds and (unit := rate_unit(time_s, values_of(GYRO), values_of(ACCEL))):
+        units[GYRO] = unit
+        notes.append(f"gyro: no unit in the header; {unit} goes with how the specific force turns")
+    if MAG in open_kinds:
+        units[MAG] = "a.u."
+        notes.append("magnetometer: no unit in the header; its direction is used")
+    return units, notes
+
+
+SMOOTHED_S = 0.2
+"""Length of the mean of the samples that are compared: shocks are shorter."""
+
+AGREEMENT, RATIO = 0.7, 3.0
+"""Least correlation of both turnings that decides, and the largest ratio of their lengths."""
+
+
+def rate_unit(time_s: np.ndarray, rates: np.ndarray, force: np.ndarray) -> str | None:
+    """Unit of rates, shape (N, 3), deg/s or rad/s; None if the values do not say it.
+
+    A vector that is fixed to the earth, as the mean specific force is, changes by -rate x vector in axes of the sensor.
+    """
+    good = np.isfinite(time_s) & np.isfinite(rates).all(axis=1) & np.isfinite(force).all(axis=1) & force.any(axis=1)
+    time_s, rates, force = time_s[good], rates[good], force[good]
+    if len(rates) and np.abs(rates).max() > FASTEST_RAD_S:
+        return "deg/s"
+    step = np.diff(time_s)
+    if len(step) < 4 or not (step > 0).any():
+        return None
+    length = max(round(SMOOTHED_S / float(np.median(step[step > 0]))), 1)
+    count = len(time_s) // length
+    if count < 4:
+        return None
+    time_s, rates, force = (array[:count * length].reshape(count, length, -1).mean(axis=1)
+                            for array in (time_s, rates, force))
+    change = np.diff(force, axis=0)
+    turned = -np.cross((rates[1:] + rates[:-1]) / 2, (force[1:] + force[:-1]) / 2) * np.diff(time_s, axis=0)
+    both = float((change * turned).sum())
+    lengths = float((turned**2).sum()), float((change**2).sum())
+    if not all(lengths) or both < AGREEMENT * np.sqrt(lengths[0] * lengths[1]):
+        return None
+    scale = np.degrees(both / lengths[0])
+    return next((unit for unit in ("deg/s", "rad/s") if 1 / RATIO < scale / UNITS[GYRO][unit] < RATIO), None)
+
