@@ -17,10 +17,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .bags import is_bag, read_bag
+from .bags import ZSTD_MAGIC, is_bag, read_bag, unzstd
 from .blackbox import MAGIC as BLACKBOX_MAGIC
 from .blackbox import read_blackbox
 from .dataflash import is_dataflash, read_dataflash
+from .extra import needed
 from .kitti import is_kitti, read_kitti
 from .log import Log, Stream
 from .merge import recording_of, recordings_of
@@ -154,6 +155,8 @@ def _unpacker(path, head):
     """Function that writes the content of a compressed file into a folder; None for other files."""
     if head.startswith(b"\x1f\x8b"):
         return _gunzip
+    if head.startswith(ZSTD_MAGIC):
+        return _unzstd
     return _unzip if head.startswith(b"PK") and not _is_npz(path, head) else None
 
 
@@ -161,6 +164,11 @@ def _gunzip(path, folder):
     name = path.stem if path.suffix.lower() in (".gz", ".gzip") else path.name
     with gzip.open(path) as source, (folder / name).open("wb") as target:
         shutil.copyfileobj(source, target)
+
+
+def _unzstd(path, folder):
+    needed(path, "compressed ROS", "rosbags")
+    (folder / path.name.removesuffix(".zstd").removesuffix(".zst")).write_bytes(unzstd(path.read_bytes()))
 
 
 def _unzip(path, folder):

@@ -9,7 +9,8 @@ message                                  stream
 ``GYR`` and ``ACC``, ``GYR1``, ...       the same at the sensor's rate, at ``SampleUS``
 ``MAG``, ``MAG2``, ``MAG3``, ``I``=0..   ``Mag`` mag, milligauss, offsets removed by the autopilot
 ``ATT``                                  attitude: ``Roll``, ``Pitch``, ``Yaw``, degrees
-``XKF1``, ``NKF1``                       the same, of an estimator; velocity ``VE``, ``VN``, ``VD``
+``XKF1``, ``NKF1``, ``EKF1``             the same, of an estimator; velocity ``VE``, ``VN``, ``VD``
+``AHR2``                                 the same, of the estimator in reserve
 ``GPS``                                  position ``Lat``, ``Lng``, ``Alt``
 ``BARO``                                 pressure ``Press``, Pa
 =======================================  ==============================================================
@@ -53,7 +54,7 @@ TYPES = {"a": "<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "
 SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 """Factors that letters stand for."""
 
-WANTED = re.compile(r"(IMU|MAG|GYR|ACC)\d?|ATT|[XN]KF1|GPS|BARO")
+WANTED = re.compile(r"(IMU|MAG|GYR|ACC)\d?|ATT|AHR2|[XNE]KF1|GPS|BARO")
 
 
 class Format(NamedTuple):
@@ -66,17 +67,17 @@ class Format(NamedTuple):
 
 def is_dataflash(head):
     """Whether the first bytes of a file are those of a DataFlash log, binary or text."""
-    return head.startswith(START + bytes([FMT])) or head.startswith(b"FMT, ")
+    return head.startswith(START + bytes([FMT])) or bool(re.search(rb"(?m)^FMT, ?128,", head))
 
 
 def read_dataflash(path):
     """The Log of a DataFlash file. Raises: RecordingError."""
     data = path.read_bytes()
     messages, skipped = _binary(data) if data.startswith(START) else _text(data)
-    streams = _streams(messages)
+    streams = _streams(_timed(messages))
     if not any(stream.kind == GYRO for stream in streams):
-        raise RecordingError(f"{path}: the log has no IMU messages; set the IMU bits of LOG_BITMASK, unless the "
-                             "file is cut off")
+        raise RecordingError(f"{path}: the log has no IMU messages with a time; set the IMU bits of LOG_BITMASK, "
+                             "unless the file is cut off")
     notes = (f"{skipped:,} bytes that are no message, left out",) if skipped else ()
     return Log(path, "DataFlash", tuple(streams), notes=notes)
 
@@ -150,6 +151,11 @@ def _instances(messages, base):
                 yield name, message
 
 
+def _timed(messages):
+    """Messages with a time; those of logs before 2014 have none."""
+    return {name: message for name, message in messages.items() if "TimeUS" in message or "TimeMS" in message}
+
+
 def _streams(messages):
     first = [message["TimeUS"][0] for name, message in messages.items() if "TimeUS" in message and name[:3] in (
         "IMU", "GYR")]
@@ -174,11 +180,14 @@ def _streams(messages):
             ("ACC", "Acc", ACCEL, 1.0, "m/s^2"):
         streams += [Stream(kind, name.replace(base, "GYR"), time_of(message), scale * vectors(message, label), unit)
                     for name, message in _instances(messages, base)]
+    # Messages at the sensor's own rate are better than those of a decimated one.
+    usual = len(streams[0].time_s) if streams else 0
+    streams.sort(key=lambda stream: len(stream.time_s) <= 2 * usual)
     for name, message in _instances(messages, "MAG"):
         healthy = message.get("Health", np.ones(1)) != 0
         streams.append(Stream(MAG, name, time_of(message),
                               np.where(np.reshape(healthy, (-1, 1)), 0.1 * vectors(message, "Mag"), np.nan), "mG"))
-    for base in "ATT", "XKF1", "NKF1":
+    for base in "ATT", "XKF1", "NKF1", "EKF1", "AHR2":
         if base in messages:
             message = messages[base]
             if "C" in message:

@@ -112,7 +112,9 @@ class _Streams:
     def _combined(self):
         for _, data in self._named("sensor_combined"):
             name, time_s = "sensor_combined", self._time(data)
-            yield Stream(GYRO, name, time_s, np.degrees(self._vectors(data, *_indexed("gyro_rad"))), "rad/s")
+            # In 2016 it had three IMUs, of which the first is taken.
+            gyro = "gyro_rad" if "gyro_rad[0]" in data else "gyro_rad_s"
+            yield Stream(GYRO, name, time_s, np.degrees(self._vectors(data, *_indexed(gyro))), "rad/s")
             yield Stream(ACCEL, name, self._relative(data, "accelerometer_timestamp_relative", time_s),
                          self._vectors(data, *_indexed("accelerometer_m_s2")), "m/s^2")
             if "magnetometer_ga[0]" in data:
