@@ -1,7 +1,6 @@
 """What is in a log: streams with rates, gaps and ranges, what a replay would use, and a picture of it."""
 
 import os
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from .recordings import Log, Recording, Stream
 from .recordings.clock import gaps, mended
 from .recordings.merge import saturated
 
-__all__ = ["UNITS", "Inspection", "StreamFacts", "inspect", "inspection_picture"]
+__all__ = ["UNITS", "StreamFacts", "inspect", "inspection_picture"]
 
 UNITS = {"gyro": "deg/s", "accel": "m/s²", "mag": "µT", "velocity": "m/s", "pressure": "Pa", "position": "°, °, m",
          "attitude": ""}
@@ -56,17 +55,9 @@ class StreamFacts(NamedTuple):
     saturated: int
 
 
-@dataclass(frozen=True)
-class Inspection:
+def inspect(log: Log) -> tuple[StreamFacts, ...]:
     """Facts of the streams of a log, in its order."""
-
-    log: Log
-    facts: tuple[StreamFacts, ...]
-
-
-def inspect(log: Log) -> Inspection:
-    """Facts of all streams of a log."""
-    return Inspection(log, tuple(_facts(stream) for stream in log.streams))
+    return tuple(_facts(stream) for stream in log.streams)
 
 
 def _facts(stream: Stream) -> StreamFacts:
@@ -86,18 +77,18 @@ def _facts(stream: Stream) -> StreamFacts:
         int(saturated(stream.kind, values).sum()) if stream.kind in ("gyro", "accel") else 0)
 
 
-def inspection_picture(path: str | os.PathLike, inspection: Inspection, recording: Recording | None) -> None:
+def inspection_picture(path: str | os.PathLike, log: Log, recording: Recording | None) -> None:
     """Draw the streams of a log over time, and bands where a replay would bridge gaps.
 
     Parameters
     ----------
     path : path-like
         PNG file to write.
-    inspection : Inspection
+    log : Log
     recording : Recording or None
         What a replay would use; None if it would refuse the log.
     """
-    streams = [stream for stream in inspection.log.streams if np.isfinite(stream.time_s).sum() > 1]
+    streams = [stream for stream in log.streams if np.isfinite(stream.time_s).sum() > 1]
     figure = Figure(figsize=(9.0, 0.9 + 1.5 * len(streams)), dpi=120, layout="constrained")
     for axes, stream in zip(figure.subplots(len(streams), 1, sharex=True, squeeze=False)[:, 0], streams, strict=True):
         clock = mended(stream.time_s)
@@ -113,5 +104,5 @@ def inspection_picture(path: str | os.PathLike, inspection: Inspection, recordin
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("time (s)")
-    figure.suptitle(f"{inspection.log.path.name}: {inspection.log.form}", x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(f"{log.path.name}: {log.form}", x=0.01, ha="left", fontweight="bold")
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})

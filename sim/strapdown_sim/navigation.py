@@ -19,6 +19,7 @@ from .curves import ESTIMATE, GRID, HARDWARE, few
 from .errors import conjugate, enu_to_nwu, multiply, spread
 from .recordings import Recording, Track
 from .recordings.log import quaternion_from_angles, quaternion_from_ned
+from .reference.flight import FRAME_QUATERNIONS
 from .reference.quaternion import cumulative, increment
 
 __all__ = ["Beside", "Start", "exact_attitude", "has_attitude", "navigated_attitude", "navigation_inputs",
@@ -26,9 +27,6 @@ __all__ = ["Beside", "Start", "exact_attitude", "has_attitude", "navigated_attit
 
 FLU_TO_RFU = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 """Vectors in forward, left, up as right, forward, up; and in north, west, up as east, north, up."""
-
-QUARTER = np.sqrt([0.5, 0, 0, 0.5])
-"""The quaternion of FLU_TO_RFU."""
 
 STARTING_S = 0.5
 """Time from the first sample in which the recording's attitude must begin, and whose mean force gives the vertical."""
@@ -110,10 +108,12 @@ def navigation_inputs(recording: Recording, names: Any, module: str) -> dict[str
         np.interp(recording.time_s, recording.position.time_s, axis) for axis in recording.position.values.T)
     velocity = np.zeros(3) if recording.velocity is None else np.array([
         np.interp(recording.time_s[0], recording.velocity.time_s, axis) for axis in recording.velocity.values.T])
+    # North, west, up and forward, left, up turn alike.
+    to_enu = FRAME_QUATERNIONS["ENU"]
     return values | {
         "omega": rate @ FLU_TO_RFU.T, "f": recording.accel @ FLU_TO_RFU.T, "align": 0.0,
         "place": (latitude[0], longitude[0]), "start_v": velocity, "start_h": height[0], "altitude": height,
-        "start_q": multiply(multiply(QUARTER, start), conjugate(QUARTER))}
+        "start_q": multiply(multiply(to_enu, start), conjugate(to_enu))}
 
 
 def has_attitude(inputs: Any, outputs: Any) -> bool:

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -264,7 +265,8 @@ def _command(command, module, config):
     """The words of a command line that makes the Verilog of a module again, quoted for a shell; empty for none."""
     if not command:
         return ""
-    inputs_set = (word for name in TIMED_INPUTS if getattr(config, name, False) for word in ("--set", f"{name}=true"))
+    inputs_set = (word for each in TIMED_INPUTS if getattr(config, each.field, False)
+                  for word in ("--set", f"{each.field}=true"))
     return shlex.join([*command, "--module", module, "--set", f"sample_rate_hz={config.sample_rate_hz!r}", *inputs_set])
 
 
@@ -312,22 +314,30 @@ def _summary(recording, config, core, count, bits, differing):
 
 def _truth(module, config, recording, system):
     """The outputs of the independent reference of a module, with the inputs that the system has."""
-    arguments = {_REFERENCE_ARGUMENTS[name]: values for name, values in _timed(recording, system).items()}
+    timed = _timed(recording, system)
+    arguments = {each.argument: timed[each.kernel] for each in TIMED_INPUTS if each.kernel in timed}
     return REFERENCES[module](config).run(recording.accel, _mag(recording), recording.gyro_deg_s, **arguments)
 
 
-TIMED_INPUTS = {"period_input": "period_s", "mag_valid_input": "mag_new"}
-"""Fields of a configuration that give its core an input, and the part of a recording that feeds it."""
+class TimedInput(NamedTuple):
+    """An input beside the sensors: field of a configuration that gives it to its core, name in the kernel, part of a
+    recording that feeds it, argument of the reference."""
 
-_REFERENCE_ARGUMENTS = {"period": "period_s", "mag_valid": "mag_valid"}
-"""Kernel's name of such an input to the argument of the reference."""
+    field: str
+    kernel: str
+    part: str
+    argument: str
+
+
+TIMED_INPUTS = (TimedInput("period_input", "period", "period_s", "period_s"),
+                TimedInput("mag_valid_input", "mag_valid", "mag_new", "mag_valid"))
 
 
 def for_recording(config: Config, recording: Recording) -> Config:
     """The configuration with the recording's rate, and with the inputs of TIMED_INPUTS unless it says otherwise."""
-    inputs = {name: True for name, part in TIMED_INPUTS.items()
-              if name in type(config).model_fields and name not in config.model_fields_set
-              and getattr(recording, part) is not None}
+    inputs = {each.field: True for each in TIMED_INPUTS
+              if each.field in type(config).model_fields and each.field not in config.model_fields_set
+              and getattr(recording, each.part) is not None}
     return config.replace(sample_rate_hz=recording.sample_rate_hz, **inputs)
 
 
@@ -366,8 +376,8 @@ def _bound(recording, config, system):
 
 def _timed(recording, system):
     """The parts of a recording that feed inputs of a system beside the sensors, by the kernel's names."""
-    return {name: values for name, values in (("period", recording.period_s), ("mag_valid", recording.mag_new))
-            if values is not None and name in system.inputs}
+    return {each.kernel: values for each in TIMED_INPUTS
+            if each.kernel in system.inputs and (values := getattr(recording, each.part)) is not None}
 
 
 def _mag(recording):

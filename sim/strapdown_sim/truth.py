@@ -23,7 +23,8 @@ def flight_filter(config):
 REFERENCES: dict[str, Callable] = {"INS_top": complementary_filter, "INS_flight": flight_filter}
 """Maps each module that replays recordings to the function that makes its reference for a configuration.
 
-The reference has ``run(accel, mag, gyro_deg_s)``; the configuration has ``frame``, the navigation frame.
+The reference has ``run(accel, mag, gyro_deg_s)``, that of INS_flight also with ``period_s`` and ``mag_valid`` for the
+inputs of TIMED_INPUTS in ``replay``; the configuration has ``frame``, the navigation frame.
 """
 
 

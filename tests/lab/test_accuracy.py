@@ -19,7 +19,7 @@ def level():
     """Ten seconds at rest, level, with body x to magnetic north."""
     count = 1000
     return Recording("level", RATE_HZ, np.arange(count) / RATE_HZ, np.zeros((count, 3)),
-                     np.tile([0, 0, 9.81], (count, 1)), np.tile([20.0, 0, -40.0], (count, 1)), "m/s^2", "uT", None)
+                     np.tile([0, 0, 9.81], (count, 1)), np.tile([20.0, 0, -40.0], (count, 1)), "m/s^2", None)
 
 
 @pytest.mark.parametrize("name", accuracy.FILTERS)

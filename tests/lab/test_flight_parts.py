@@ -38,7 +38,7 @@ def test_a_variant_without_bias_turns_with_the_gyros_error():
     truth = Reference(time_s, np.tile((1.0, 0, 0, 0), (COUNT, 1)), np.ones(COUNT, dtype=bool), "NWU",
                       heading_known=True)
     level = Recording("level", RATE_HZ, time_s, np.tile((0, 0, 1.0), (COUNT, 1)),
-                      np.tile((0, 0, 9.81), (COUNT, 1)), None, "m/s^2", None, truth)
+                      np.tile((0, 0, 9.81), (COUNT, 1)), None, "m/s^2", truth)
     learnt, not_learnt = (flight_parts.scores([level], flight_parts.PARTS[name])["level"]
                           for name in ("all", "without any bias"))
     assert learnt["total"] < 0.7 < 2 < not_learnt["total"]

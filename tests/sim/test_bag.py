@@ -17,7 +17,7 @@ COUNT = 50
 RNG = np.random.default_rng(7)
 RECORDING = Recording(
     "turn", 100.0, 1e9 + np.arange(COUNT) / 100, RNG.normal(size=(COUNT, 3)), RNG.normal(size=(COUNT, 3)), None,
-    "m/s^2", None, None)
+    "m/s^2", None)
 
 # Rows: the axes of a frame in east, north, up.
 FRAMES = {"NWU": ((0, 1, 0), (-1, 0, 0), (0, 0, 1)), "ENU": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),

@@ -81,7 +81,7 @@ def test_constant_heading_is_removed():
 def test_reference_is_matched_in_time_and_frame():
     q_ref = random_quaternions(3)
     reference = Reference(np.array([0.1, 0.3, 0.5]), q_ref, np.array([True, False, True]), "ENU", True)
-    recording = Recording("r", 10.0, np.arange(6) / 10, None, None, np.zeros((6, 3)), "g", "uT", reference)
+    recording = Recording("r", 10.0, np.arange(6) / 10, None, None, np.zeros((6, 3)), "g", reference)
     q_est = np.repeat(errors.enu_to_nwu(q_ref), 2, axis=0)
     match = errors.match_reference(recording, q_est)
     assert match.sample.tolist() == [1, 5]
@@ -102,7 +102,7 @@ def test_a_reference_with_another_heading_is_compared_with_it_and_without():
     time_s = np.arange(5) / 10
     reference = Reference(time_s=time_s, quaternion=np.tile(turned, (5, 1)), valid=np.ones(5, bool), frame="NWU",
                           heading_known=False)
-    recording = Recording("r", 10.0, time_s, np.zeros((5, 3)), np.ones((5, 3)), np.ones((5, 3)), "g", "uT", reference)
+    recording = Recording("r", 10.0, time_s, np.zeros((5, 3)), np.ones((5, 3)), np.ones((5, 3)), "g", reference)
     match = errors.match_reference(recording, estimate)
     assert errors.attitude_errors(match.q_est, match.q_ref).total == pytest.approx(0, abs=1e-9)
     assert errors.attitude_errors(match.q_est, match.q_given).heading == pytest.approx(np.degrees(0.4))

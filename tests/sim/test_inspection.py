@@ -24,7 +24,7 @@ def log(tmp_path, **changes):
 def test_facts(tmp_path):
     rates = np.tile([1.0, 2, 3], (98, 1))
     rates[10:13, 0], rates[40, 1] = 1999.94, np.nan
-    gyro, accel, mag = inspect(log(tmp_path, gyro=rates)).facts
+    gyro, accel, mag = inspect(log(tmp_path, gyro=rates))
     assert gyro.samples == 97
     assert gyro.rate_hz == pytest.approx(96 / 0.99)
     # Two samples are missing, and one has no number.

@@ -96,6 +96,22 @@ def test_ulog_with_integrated_samples(tmp_path):
     check(read_recording(ulog(tmp_path / "flight", {"vehicle_imu": body}, formats)), field=None)
 
 
+def test_ulog_of_2016(tmp_path):
+    """Each field has three IMUs."""
+    formats = {"sensor_combined": "uint64_t timestamp;float[9] gyro_rad_s;float[9] accelerometer_m_s2;"}
+    body = [struct.pack("<Q18f", 10_000 * k + 1, *np.radians(RATE * FRD), *[9] * 6, *FORCE * FRD, *[9] * 6)
+            for k in range(COUNT)]
+    check(read_recording(ulog(tmp_path / "flight", {"sensor_combined": body}, formats)), field=None)
+
+
+def test_a_damaged_ulog_prints_nothing(tmp_path, capsys):
+    data = ulog(tmp_path / "flight", px4()).read_bytes()
+    (tmp_path / "flight").write_bytes(data[:70])
+    with pytest.raises(RecordingError):
+        read_recording(tmp_path / "flight")
+    assert capsys.readouterr() == ("", "")
+
+
 def test_ulog_without_a_gyro_is_refused(tmp_path):
     topics = {"vehicle_attitude": px4()["vehicle_attitude"]}
     with pytest.raises(RecordingError, match=r"none of the topics sensor_combined, .*; set SDLOG_PROFILE .* cut off$"):
@@ -185,8 +201,38 @@ def test_dataflash_as_text(tmp_path):
     check(read_recording(tmp_path / "flight.log"), atol=0.12)
 
 
+def test_dataflash_at_the_rate_of_the_sensor(tmp_path, monkeypatch):
+    """GYR and ACC at SampleUS go before a decimated IMU."""
+    monkeypatch.setitem(DATAFLASH, "GYR", (104, "QBQfff", "TimeUS,I,SampleUS,GyrX,GyrY,GyrZ"))
+    monkeypatch.setitem(DATAFLASH, "ACC", (105, "QBQfff", "TimeUS,I,SampleUS,AccX,AccY,AccZ"))
+    messages = []
+    for k in range(500):
+        messages += [("GYR", 1000 * k + 500, 0, 1000 * k + 100, *np.radians(RATE * FRD)),
+                     ("ACC", 1000 * k + 600, 0, 1000 * k + 200, *(FORCE * FRD))]
+        if k % 40 == 0:
+            messages.append(("IMU", 1000 * k + 500, 0, *np.zeros(3), *(FORCE * FRD)))
+    check(read_recording(dataflash(tmp_path / "log", messages)), rate_hz=1000, field=None)
+
+
+@pytest.mark.parametrize("message", ["ATT", "EKF1", "AHR2"])
+def test_estimates_of_dataflash(tmp_path, monkeypatch, message):
+    """Each version has its own messages; roll and pitch of all are in hundredths of a degree."""
+    monkeypatch.setitem(DATAFLASH, message, (106, "QccC", "TimeUS,Roll,Pitch,Yaw"))
+    messages = [each for each in ardupilot() if each[0] == "IMU"] + [(message, 80_000_000, 3000, 0, 0)]
+    reference = read_recording(dataflash(tmp_path / "log", messages)).reference
+    # Right side down by 30 degrees, about forward, which is also north.
+    assert reference.quaternion[0] == pytest.approx([np.cos(np.radians(15)), np.sin(np.radians(15)), 0, 0])
+
+
+def test_dataflash_without_time_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(DATAFLASH, "IMU", (100, "ffffff", "GyrX,GyrY,GyrZ,AccX,AccY,AccZ"))
+    with pytest.raises(RecordingError, match="no IMU messages with a time"):
+        read_recording(dataflash(tmp_path / "log", [("IMU", *RATE, *FORCE)] * 5))
+
+
 def test_dataflash_without_imu_is_refused(tmp_path):
-    with pytest.raises(RecordingError, match=r"no IMU messages; set .* LOG_BITMASK, unless the file is cut off$"):
+    with pytest.raises(RecordingError, match=r"no IMU messages with a time; set .* LOG_BITMASK, unless the file "
+                                              "is cut off$"):
         read_recording(dataflash(tmp_path / "log", [("MSG", 1, b"hello")]))
 
 
@@ -289,6 +335,28 @@ def test_blackbox_time_wraps(tmp_path):
     assert read_recording(tmp_path / "log.bbl").period_s == pytest.approx([0.002] * len(values))
 
 
+def test_blackbox_without_the_unit_of_its_accelerometer(tmp_path):
+    data, values = blackbox(40)
+    (tmp_path / "log.bbl").write_bytes(data.replace(b"H acc_1G:2048\n", b""))
+    recording = read_recording(tmp_path / "log.bbl")
+    assert recording.accel == pytest.approx(values[:, 0] / 2048 * 9.80665)
+    assert recording.notes == ("accelerometer: 2048 units are taken as one g",)
+
+
+def test_blackbox_of_full_frames(tmp_path):
+    """Without fields of changes, as at rates below that of full frames."""
+    head = b"\n".join(line for line in BLACKBOX_HEAD.split(b"\n") if b"Field P" not in line)
+    frames = b"".join(full_frame(32 * k, 32_000 * k, [0, 0, 2048], [k, 2, 3]) for k in range(20))
+    (tmp_path / "log.bbl").write_bytes(head + frames)
+    assert read_recording(tmp_path / "log.bbl").gyro_deg_s[:, 0].tolist() == list(range(20))
+
+
+def test_blackbox_with_damaged_headers_is_refused(tmp_path):
+    (tmp_path / "log.bbl").write_bytes(BLACKBOX_HEAD[:BLACKBOX_HEAD.index(b"H Field I encoding") + 22])
+    with pytest.raises(RecordingError, match=r"the headers of log 1 are damaged, or the file is cut off$"):
+        read_recording(tmp_path / "log.bbl")
+
+
 def test_blackbox_without_accelerometer_is_refused(tmp_path):
     (tmp_path / "log.bbl").write_bytes(BLACKBOX_HEAD.replace(b"accSmooth", b"other") + b"E\xffEnd of log\0")
     with pytest.raises(RecordingError, match=r"log 1 has no gyro and accelerometer; set blackbox_disable_acc = OFF$"):
@@ -346,6 +414,109 @@ def test_ros1_bag(tmp_path, orientation):
     ros_check((tmp_path / "one.bag").rename(tmp_path / "without_suffix"), orientation)
 
 
+def ros1_bag(path, compression=None):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    bag = Writer(path)
+    if compression:
+        bag.set_compression(Writer.CompressionFormat[compression])
+    with bag:
+        connections = {}
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=store)
+            bag.write(connections[topic], stamp, store.serialize_ros1(message, kind))
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
+def test_ros1_bag_without_its_index(tmp_path, compression):
+    data = ros1_bag(tmp_path / "one.bag", compression)
+    # The index is behind the chunk, whose length stands behind its header.
+    (tmp_path / "cut").write_bytes(data[:data.index(b"op=\x04")])
+    ros_check(tmp_path / "cut")
+
+
+def test_ros1_bag_that_was_cut_off(tmp_path):
+    data = ros1_bag(tmp_path / "one.bag")
+    (tmp_path / "cut").write_bytes(data[:data.index(b"op=\x05") + 15_000])
+    recording = read_recording(tmp_path / "cut")
+    assert 20 < len(recording.time_s) < COUNT
+    check(recording)
+
+
+def test_ros1_bag_with_a_damaged_chunk(tmp_path):
+    data = ros1_bag(tmp_path / "one.bag", "BZ2")
+    at = data.index(b"BZh")
+    (tmp_path / "bad").write_bytes(data[:at] + bytes(50) + data[at + 50:])
+    with pytest.raises(RecordingError, match="no messages of type sensor_msgs/Imu"):
+        read_recording(tmp_path / "bad")
+
+
+def test_ros1_bag_with_an_old_magnetometer(tmp_path):
+    """Before sensor_msgs/MagneticField drivers sent geometry_msgs/Vector3Stamped."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    vector = "geometry_msgs/msg/Vector3Stamped"
+    with Writer(tmp_path / "one.bag") as bag:
+        connections = {}
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
+            if topic == "/imu/mag":
+                kind, message = vector, store.types[vector](header=message.header, vector=message.magnetic_field)
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=store)
+            bag.write(connections[topic], stamp, store.serialize_ros1(message, kind))
+    check(read_recording(tmp_path / "one.bag"), field=FIELD * 1e-6, atol=1e-4)
+
+
+@pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_compressed_ros2_bag(tmp_path, storage, mode):
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    bag = Writer(tmp_path / "two", version=9, storage_plugin=StoragePlugin[storage])
+    bag.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with bag:
+        connections = {}
+        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
+            if topic not in connections:
+                connections[topic] = bag.add_connection(topic, kind, typestore=store)
+            bag.write(connections[topic], stamp, store.serialize_cdr(message, kind))
+    ros_check(tmp_path / "two")
+    alone = next(file for file in (tmp_path / "two").iterdir() if file.suffix != ".yaml")
+    ros_check(alone)
+    if mode == "FILE":
+        (tmp_path / "cut").write_bytes(alone.read_bytes()[:-100])
+        with pytest.raises(RecordingError, match="the archive is damaged"):
+            read_recording(tmp_path / "cut")
+
+
+def test_damaged_sqlite_is_refused_with_a_remedy(tmp_path):
+    (tmp_path / "a.db3").write_bytes(b"SQLite format 3\0" + bytes(200))
+    with pytest.raises(RecordingError, match=r"recover it: sqlite3 a\.db3 \.recover \| sqlite3 NEW\.db3$"):
+        read_recording(tmp_path / "a.db3")
+
+
+@pytest.mark.parametrize(("encoding", "schema"), [("json", "jsonschema"), ("protobuf", "protobuf")])
+def test_mcap_in_another_encoding_is_refused(tmp_path, encoding, schema):
+    from mcap.writer import Writer
+
+    with (tmp_path / "a.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/imu", encoding, writer.register_schema("foxglove.Imu", schema, b"{}"))
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    with pytest.raises(RecordingError, match=rf"its topics: /imu \(foxglove.Imu, {encoding}\)$"):
+        read_recording(tmp_path / "a.mcap")
+
+
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
 def test_ros2_bag(tmp_path, storage, alone):
@@ -397,11 +568,12 @@ def test_ros_bag_without_imu_is_refused(tmp_path):
         for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
             if topic == "/imu/mag":
                 bag.write(connection, stamp, store.serialize_ros1(message, kind))
-    with pytest.raises(RecordingError, match=r"no messages of type sensor_msgs/Imu with a rate; topics that can be "
-                                              "read: "
-                                             r"/imu/mag \(sensor_msgs/msg/MagneticField\)$"):
+    with pytest.raises(RecordingError, match=r"no messages of type sensor_msgs/Imu with a rate, in the encoding of "
+                                             r"ROS; record or convert to them; its topics: /imu/mag "
+                                             r"\(sensor_msgs/msg/MagneticField\)$"):
         read_recording(tmp_path / "one.bag")
-    (tmp_path / "bad.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
+    # A record whose header has no field "op".
+    (tmp_path / "bad.bag").write_bytes(b"#ROSBAG V2.0\n" + struct.pack("<II3sI", 7, 3, b"a=b", 0))
     with pytest.raises(RecordingError, match="not a bag that can be read"):
         read_recording(tmp_path / "bad.bag")
 

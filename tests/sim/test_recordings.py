@@ -77,18 +77,21 @@ def replaced(line, column, value):
      "no column 'Gyroscope X'; the columns are Time (s), Roll, Pitch: name it with --columns gyro_x=NAME:UNIT"),
     (header(Gyroscope="furlong"), rows(),
      "column 'Gyroscope X': unit 'furlong' is not known; units are deg/s, rad/s, mdeg/s, mrad/s, in parentheses after "
-     "the name, or after a colon in --columns gyro_x=Gyroscope X (furlong):deg/s"),
+     "the name, or for all axes in --columns gyro=:deg/s"),
+    (header("Time (h)"), rows(), "column 'Time (h)': unit 'h' is not known; units are s, ms, us, ns, min, in "
+                                 "parentheses after the name, or in --columns time=:ms"),
     ([name.split(" (")[0] for name in header()], rows(),
-     "column 'Time' has no unit; units are s, ms, us, ns, min, in parentheses after the name, or "
-     "after a colon in --columns time=Time:ms"),
+     "column 'Gyroscope X' has no unit; units are deg/s, rad/s, mdeg/s, mrad/s, in parentheses after the name, or for "
+     "all axes in --columns gyro=:deg/s"),
     ([*header()[:3], "Gyroscope Z (rad/s)", *header()[4:]], rows(), "Gyroscope axes have units deg/s, deg/s, rad/s; "
                                                                     "use one for all"),
     (header(), replaced(0, 9, "1;2"), "line 2, column 'Magnetometer Z (uT)': '1;2' is not a number; correct or delete "
                                       "the line"),
     (header(), [*rows(), ["0.04", "1"], *rows()], "line 6 has 2 cells, the header 10; complete or delete it"),
-    (header(), rows(1), "1 rows of numbers; at least 2 are needed"),
-    (header(), [], "0 rows of numbers; at least 2 are needed"),
-    (rows()[0], rows(), "line 1 holds numbers, and no line before it names 10 columns"),
+    (header(), rows(1), "1 rows of numbers; at least 2 are needed, below a line with their names"),
+    (header(), [], "0 rows of numbers; at least 2 are needed, below a line with their names"),
+    (rows()[0], rows(), "line 1 holds numbers, and no line before it names 10 columns: name them by their numbers, as "
+                        "in --columns time=1:ms --columns gyro_x=2:deg/s"),
     (header(), [["0.5", *row[1:]] for row in rows()], "line 3: time does not increase"),
     (header(), [[k * 10, *row[1:]] for k, row in enumerate(rows())],
      "samples are 10 s apart; if that is ms or us, name the unit in the header, as in Time (ms), or with --columns "
@@ -221,9 +224,10 @@ def still(time, gyro="0,0,0", accel="0,0,1"):
 def test_each_sample_has_its_own_period(file):
     times = ["0", "0.01", "0.02", "0.03", "0.035", "0.04", "0.045"]
     recording = read_recording(table(file, [still(time, "0,0,90") for time in times]))
-    assert recording.period_s == pytest.approx([0.01, 0.01, 0.01, 0.01, 0.005, 0.005, 0.005])
+    assert recording.period_s == pytest.approx([0.01, 0.01, 0.01, 0.005, 0.005, 0.005, 0.005])
     assert recording.timing.faults == {}
-    # At 90 deg/s one period of 7.5 ms in place of 10 and 5 ms is behind by 90 · 4 · 2.5 ms after four samples.
+    # At 90 deg/s one period of 7.5 ms in place of 10 ms is behind by 90 · 3 · 2.5 ms after three samples, and in place
+    # of 5 ms ahead by 90 · 1 · 2.5 ms after four more.
     assert recording.timing.one_rate_error_deg == pytest.approx(0.9)
 
 
@@ -405,7 +409,7 @@ OTHERS = {  # header; a row with {t} s, {n} ns since 1970, {u} us, its number {k
                       "{n},{k},.1,.2,.3,0,0,9.8", np.degrees([0.1, 0.2, 0.3])),
     "SensorLog": ("loggingTime(txt),accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G),"
                   "accelerometerAccelerationY(G),accelerometerAccelerationZ(G),gyroRotationX(rad/s),gyroRotationY(rad/s),"
-                  "gyroRotationZ(rad/s)", "2020-01-01 00:00:00.000,{t},0,0,1,.1,.2,.3", np.degrees([0.1, 0.2, 0.3])),
+                  "gyroRotationZ(rad/s)", "2020-01-01 00:00:00.000,{t},0,0,-1,.1,.2,.3", np.degrees([0.1, 0.2, 0.3])),
     "Xsens DOT": ("DeviceTag:,DOT\nFirmwareVersion:,2.0\nPacketCounter,SampleTimeFine,FreeAcc_X,FreeAcc_Y,FreeAcc_Z,"
                   "Acc_X,"
                   "Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z", "{k},{u},0,0,0,0,0,9.8,1,2,3", [1, 2, 3]),

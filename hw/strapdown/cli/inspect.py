@@ -28,7 +28,6 @@ def inspect(recording, choice, picture):
         log = read_log(recording, **{name: value for name, value in choice.items() if name not in MERGED})
     except RecordingError as error:
         raise UserError(str(error)) from None
-    found = facts_of(log)
     used, refusal = None, None
     try:
         used = recording_of(log, **{name: value for name, value in choice.items() if name in MERGED})
@@ -37,9 +36,9 @@ def inspect(recording, choice, picture):
     picture = picture or Path("build/inspect") / f"{log.name}.png"
     with writing(picture):
         picture.parent.mkdir(parents=True, exist_ok=True)
-        inspection_picture(picture, found, used)
+        inspection_picture(picture, log, used)
     show_table([("file", str(recording)), ("format", log.form)])
-    for stream, facts in zip(log.streams, found.facts, strict=True):
+    for stream, facts in zip(log.streams, facts_of(log), strict=True):
         click.echo("")
         show_table(_stream_rows(stream, facts))
     click.echo("")
@@ -53,7 +52,10 @@ def inspect(recording, choice, picture):
 def _stream_rows(stream, facts):
     from strapdown_sim.inspection import UNITS
 
-    rows = [(stream.kind, stream.name + (f", in {stream.unit}" if stream.unit else "")),
+    rows = [(stream.kind, stream.name + (f", in {stream.unit}" if stream.unit else ""))]
+    if facts.samples < 2:
+        return [*rows, ("  samples", f"{facts.samples}")]
+    rows = [*rows,
             ("  samples", f"{facts.samples:,}, {facts.rate_hz:.4g} Hz"),
             ("  gaps", f"{facts.lost:,} samples lost, longest gap {1000 * facts.longest_gap_s:.4g} ms" if facts.lost
              else "none")]

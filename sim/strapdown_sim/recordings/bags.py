@@ -25,7 +25,7 @@ from contextlib import closing
 import numpy as np
 
 from .extra import needed
-from .log import ACCEL, ATTITUDE, GYRO, MAG, POSITION, PRESSURE, Log, Stream
+from .log import ACCEL, ATTITUDE, GYRO, MAG, POSITION, PRESSURE, Log, Stream, own_estimate
 from .recording import RecordingError
 
 __all__ = ["MCAP_MAGIC", "ROS1_MAGIC", "SQLITE_MAGIC", "ZSTD_MAGIC", "is_bag", "read_bag", "unzstd"]
@@ -35,8 +35,6 @@ ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC = b"#ROSBAG V2.0", b"\x89MCAP0\r\n", b"SQLi
 
 IMU, FIELD, FIX, FLUID = (f"sensor_msgs/msg/{name}" for name in ("Imu", "MagneticField", "NavSatFix", "FluidPressure"))
 VECTOR = "geometry_msgs/msg/Vector3Stamped"
-
-OWN_ESTIMATE = "the log's own estimate, not truth"
 
 
 def is_bag(path, head):
@@ -53,8 +51,8 @@ def read_bag(path):
     except RecordingError:
         raise
     except sqlite3.DatabaseError as error:
-        raise RecordingError(f"{path}: not a bag that can be read ({error}); recover it: sqlite3 {path.name} .recover | "
-                             "sqlite3 NEW.db3") from None
+        raise RecordingError(f"{path}: not a bag that can be read ({error}); recover it: "
+                             f"sqlite3 {path.name} .recover | sqlite3 NEW.db3") from None
     except Exception as error:  # the libraries raise what their parsers meet
         raise RecordingError(f"{path}: not a bag that can be read ({type(error).__name__}: {error})".splitlines()[0]) \
             from None
@@ -137,7 +135,7 @@ def _ros1(path, topics):
 def _bag_records(file):
     """Kind, fields and data of the records of a ROS 1 bag, and of those in its chunks."""
     while True:
-        parts = []
+        parts: list[bytes] = []
         for _ in range(2):
             size = file.read(4)
             part = file.read(int.from_bytes(size, "little"))
@@ -275,7 +273,7 @@ def _streams(found):
             constant = (q == q[0]).all() and np.abs(q[0]).max() == 1
             if not absent.all() and q.any() and not constant:
                 others.append(Stream(ATTITUDE, topic, time_s, np.where(absent[:, None], np.nan, q), frame="ENU",
-                                     meaning=OWN_ESTIMATE))
+                                     meaning=own_estimate("log")))
         elif kind == FIELD:
             others.append(Stream(MAG, topic, time_s, 1e6 * _vectors(messages, "magnetic_field"), "T"))
         elif kind == VECTOR:

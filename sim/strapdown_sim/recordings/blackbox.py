@@ -17,7 +17,7 @@ import numpy as np
 from .log import ACCEL, GYRO, MAG, Log, Stream
 from .recording import STANDARD_GRAVITY, RecordingError
 
-__all__ = ["MAGIC", "read_blackbox"]
+__all__ = ["MAGIC", "one_g", "read_blackbox"]
 
 MAGIC = b"H Product:Blackbox"
 
@@ -70,12 +70,15 @@ def read_blackbox(path, *, log=None):
     def vectors(name):
         return values[:, [wanted.index(f"{name}[{axis}]") for axis in range(3)]].astype(float)
 
-    one_g = STANDARD_GRAVITY / float(headers.get("acc_1G", 1))
+    notes = []
+    unit = float(headers.get("acc_1G") or 0)
+    if not unit:
+        unit, note = one_g(vectors("accSmooth"))
+        notes.append(note)
     streams = [Stream(GYRO, "gyroADC", time_s, _gyro_scale(headers) * vectors("gyroADC"), "deg/s"),
-               Stream(ACCEL, "gyroADC", time_s, one_g * vectors("accSmooth"), "g")]
+               Stream(ACCEL, "gyroADC", time_s, STANDARD_GRAVITY / unit * vectors("accSmooth"), "g")]
     if "magADC[2]" in wanted and vectors("magADC").any():
         streams.append(Stream(MAG, "magADC", time_s, vectors("magADC"), "a.u."))
-    notes = []
     if len(parts) > 1:
         others = ", ".join(f"{index + 1} ({len(part.frames):,} bytes)" for index, part in enumerate(parts)
                            if index != number)
@@ -85,6 +88,15 @@ def read_blackbox(path, *, log=None):
     if damaged:
         notes.append(f"damaged frames: {damaged}; frames until the next full one are left out")
     return Log(path, "blackbox", tuple(streams), notes=tuple(notes))
+
+
+def one_g(force: np.ndarray) -> tuple[float, str]:
+    """Counts of one g of a specific force, shape (N, 3), whose log does not have ``acc_1G``, and a note on it.
+
+    Sensors have a power of two: that next to the median.
+    """
+    unit = float(2 ** np.rint(np.log2(np.nanmedian(np.linalg.norm(force, axis=1)))))
+    return unit, f"accelerometer: {unit:g} units are taken as one g"
 
 
 def _split(data):
@@ -130,7 +142,8 @@ class _Decoder:
         self._names = names
         self._wanted = [names.index(name) for name in wanted]
         self._full = list(zip(numbers("Field I predictor"), numbers("Field I encoding"), strict=True))
-        self._change = list(zip(numbers("Field P predictor"), numbers("Field P encoding"), strict=True))
+        self._change = list(zip(numbers("Field P predictor"), numbers("Field P encoding"), strict=True)) \
+            if "Field P predictor" in headers else []
         self._other = {ord(kind): [(0, code) for code in numbers(f"Field {kind} encoding")]
                        for kind in "SGH" if f"Field {kind} encoding" in headers}
         self._minthrottle = int(headers.get("minthrottle", 0))
@@ -186,7 +199,7 @@ class _Decoder:
         end of the log."""
         if kind == 0x49:
             return self._main(self._full, before, before, full=True)
-        if kind == 0x50:
+        if kind == 0x50 and self._change:
             frame = self._main(self._change, before or [0] * len(self._names), before2 or [0] * len(self._names))
             return frame if before is not None else None
         if kind in self._other:

@@ -100,7 +100,7 @@ def _kind(words):
         return GYRO
     if "acc" in text or "specificforce" in text or text in ("a", "f", "gf", "arss"):
         return ACCEL
-    if "mag" in words or "magn" in text or "compass" in text or text in ("m", "h", "b", "mags") or text.startswith("mag"):
+    if "mag" in words or "magn" in text or "compass" in text or text.startswith("mag") or text in ("m", "h", "b"):
         return MAG
     if "quat" in text or text in ("q", "qrs", "element") or (words and words[-1] == "orientation"):
         return ATTITUDE
@@ -272,8 +272,9 @@ def scaled(table: Table, columns: Sequence[Column], units: Mapping[str, str] | N
         if known is None and kind == ATTITUDE:
             known = 1.0, ""
         if known is None:
-            raise RecordingError(f"{table.path}: column {_name(column)!r}{_unknown(unit)}; units are {listed(kind)}, in "
-                                 f"parentheses after the name, or for all axes in --columns {kind}=:{_EXAMPLE[kind]}")
+            raise RecordingError(f"{table.path}: column {_name(column)!r}{_unknown(unit)}; units are {listed(kind)}, "
+                                 "in parentheses after the name, or for all axes in --columns "
+                                 f"{kind}=:{_EXAMPLE[kind]}")
         found.append(known)
     if len({unit for _, unit in found}) > 1:
         raise RecordingError(f"{table.path}: {NAMES[kind]} axes have units {', '.join(unit for _, unit in found)}; "
@@ -287,8 +288,8 @@ def check_numbers(table: Table, columns: Sequence[Column]) -> None:
     for column in columns:
         if column.number in table.unreadable:
             line, cell = table.unreadable[column.number]
-            raise RecordingError(f"{table.path}: line {line}, column {table.header[column.number]!r}: {cell!r} is not a "
-                                 "number; correct or delete the line")
+            raise RecordingError(f"{table.path}: line {line}, column {table.header[column.number]!r}: {cell!r} is not "
+                                 "a number; correct or delete the line")
 
 
 _EXAMPLE = {TIME: "ms", GYRO: "deg/s", ACCEL: "g", MAG: "uT", PRESSURE: "hPa"}
@@ -331,15 +332,15 @@ def seconds(table: Table, column: Column, origin: float | None = None) -> np.nda
     values = table.values[:, column.number]
     first = next(iter(values[np.isfinite(values)]), np.nan)
     written = _written(table, column) or unit_of_steps(table, column)
-    if written is None:
+    known = factor(TIME, written) if written is not None else None
+    if known is None:
         name = table.header[column.number].strip()
         raise RecordingError(f"{table.path}: column {name!r}{_unknown(column.unit)}; units are {listed(TIME)}, in "
                              f"parentheses after the name, or in --columns time=:ms")
     check_numbers(table, [column])
-    scale = factor(TIME, written)[0]
-    if abs(first * scale) > EPOCH_S:
+    if abs(first * known[0]) > EPOCH_S:
         values = values - (first if origin is None else origin)
-    return scale * values
+    return known[0] * values
 
 
 EPOCH_S = 1e8

@@ -32,11 +32,11 @@ from .log import (
     Log,
     Stream,
     from_frd,
+    own_estimate,
     quaternion_from_angles,
     quaternion_from_ned,
 )
 from .recording import RecordingError
-from .ulog import OWN_ESTIMATE
 
 __all__ = ["is_dataflash", "read_dataflash"]
 
@@ -194,7 +194,7 @@ def _streams(messages):
                 message = {label: values[message["C"] == message["C"].min()] for label, values in message.items()}
             q = quaternion_from_angles(message["Roll"], message["Pitch"], message["Yaw"])
             streams.append(Stream(ATTITUDE, base, time_of(message), quaternion_from_ned(q), frame="NWU",
-                                  meaning=OWN_ESTIMATE))
+                                  meaning=own_estimate("autopilot")))
             if "VE" in message:
                 streams.append(Stream(VELOCITY, base, time_of(message), np.stack(
                     [message["VE"], message["VN"], -message["VD"]], axis=-1), "m/s"))

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .columns import Columns
+from .columns import NAMES, Columns
 from .log import ACCEL, GYRO, MAG
 from .recording import STANDARD_GRAVITY
 from .table import Table
+from .turning import AGREEMENT, RATIO, turning
 from .units import UNITS
 
 __all__ = ["PHONE_UNITS", "Dialect", "dialect_of", "rate_unit", "units_of_values"]
@@ -69,8 +70,8 @@ def units_of_values(table: Table, found: Columns, time_s: np.ndarray,
                     known: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
     """Units of sensors whose columns have none, as far as their values say them, and a note on each.
 
-    The median specific force is one g. Rates in rad/s and deg/s differ in how fast the specific force turns. The unit
-    of a field does not matter.
+    The median specific force is one g. Rates in rad/s and deg/s differ in how fast the field, or the specific force,
+    turns. The unit of a field does not matter.
     """
     units: dict[str, str] = {}
     notes: list[str] = []
@@ -87,46 +88,23 @@ def units_of_values(table: Table, found: Columns, time_s: np.ndarray,
             if 1 / NEAR < median * UNITS[ACCEL][unit] / STANDARD_GRAVITY < NEAR:
                 units[ACCEL] = unit
                 notes.append(f"accelerometer: no unit in the header; {unit} makes its median one g")
-    if GYRO in open_kinds and (unit := rate_unit(time_s, values_of(GYRO), values_of(ACCEL))):
-        units[GYRO] = unit
-        notes.append(f"gyro: no unit in the header; {unit} goes with how the specific force turns")
+    if GYRO in open_kinds:
+        fixed = next(kind for kind in (MAG, ACCEL) if kind in found.of)
+        if of_rates := rate_unit(time_s, values_of(GYRO), values_of(fixed)):
+            units[GYRO] = of_rates
+            notes.append(f"gyro: no unit in the header; {of_rates} goes with the turning of the {NAMES[fixed].lower()}")
     if MAG in open_kinds:
         units[MAG] = "a.u."
         notes.append("magnetometer: no unit in the header; its direction is used")
     return units, notes
 
 
-SMOOTHED_S = 0.2
-"""Length of the mean of the samples that are compared: shocks are shorter."""
-
-AGREEMENT, RATIO = 0.7, 3.0
-"""Least correlation of both turnings that decides, and the largest ratio of their lengths."""
-
-
-def rate_unit(time_s: np.ndarray, rates: np.ndarray, force: np.ndarray) -> str | None:
-    """Unit of rates, shape (N, 3), deg/s or rad/s; None if the values do not say it.
-
-    A vector that is fixed to the earth, as the mean specific force is, changes by -rate x vector in axes of the sensor.
-    """
-    good = np.isfinite(time_s) & np.isfinite(rates).all(axis=1) & np.isfinite(force).all(axis=1) & force.any(axis=1)
-    time_s, rates, force = time_s[good], rates[good], force[good]
-    if len(rates) and np.abs(rates).max() > FASTEST_RAD_S:
+def rate_unit(time_s: np.ndarray, rates: np.ndarray, vectors: np.ndarray) -> str | None:
+    """Unit of rates, shape (N, 3), deg/s or rad/s, with which vectors of the earth turn; None if none is sure."""
+    if len(rates) and np.nanmax(np.abs(rates)) > FASTEST_RAD_S:
         return "deg/s"
-    step = np.diff(time_s)
-    if len(step) < 4 or not (step > 0).any():
+    found = turning(time_s, rates, vectors)
+    if found is None or found.agreement < AGREEMENT:
         return None
-    length = max(round(SMOOTHED_S / float(np.median(step[step > 0]))), 1)
-    count = len(time_s) // length
-    if count < 4:
-        return None
-    time_s, rates, force = (array[:count * length].reshape(count, length, -1).mean(axis=1)
-                            for array in (time_s, rates, force))
-    change = np.diff(force, axis=0)
-    turned = -np.cross((rates[1:] + rates[:-1]) / 2, (force[1:] + force[:-1]) / 2) * np.diff(time_s, axis=0)
-    both = float((change * turned).sum())
-    lengths = float((turned**2).sum()), float((change**2).sum())
-    if not all(lengths) or both < AGREEMENT * np.sqrt(lengths[0] * lengths[1]):
-        return None
-    scale = np.degrees(both / lengths[0])
-    return next((unit for unit in ("deg/s", "rad/s") if 1 / RATIO < scale / UNITS[GYRO][unit] < RATIO), None)
-
+    return next((unit for unit in ("deg/s", "rad/s")
+                 if 1 / RATIO < found.ratio / np.radians(UNITS[GYRO][unit]) < RATIO), None)

@@ -10,7 +10,7 @@ from datetime import datetime
 
 import numpy as np
 
-from .log import ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY, Log, Stream, quaternion_from_angles
+from .log import ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY, Log, Stream, own_estimate, quaternion_from_angles
 from .recording import RecordingError
 
 __all__ = ["is_kitti", "read_kitti"]
@@ -60,7 +60,7 @@ def read_kitti(path):
     return Log(folder or path, "KITTI", (
         Stream(GYRO, "oxts", time_s, np.degrees(rows[:, 17:20]), "rad/s"),
         Stream(ACCEL, "oxts", time_s, rows[:, 11:14], "m/s^2"),
-        Stream(ATTITUDE, "oxts", time_s, q, frame="ENU", meaning="the navigation unit's own estimate, not truth"),
+        Stream(ATTITUDE, "oxts", time_s, q, frame="ENU", meaning=own_estimate("navigation unit")),
         Stream(VELOCITY, "oxts", time_s, rows[:, [7, 6, 10]], "m/s"),
         Stream(POSITION, "oxts", time_s, rows[:, :3], "deg")), stamped=stamped, rate_hz=None if stamped else RATE_HZ)
 

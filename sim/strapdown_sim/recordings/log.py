@@ -15,7 +15,7 @@ import numpy as np
 from .recording import RecordingError
 
 __all__ = ["ACCEL", "ATTITUDE", "GYRO", "MAG", "POSITION", "PRESSURE", "VELOCITY", "Log", "Stream", "from_frd",
-           "interpolated", "quaternion_from_angles", "quaternion_from_ned"]
+           "interpolated", "own_estimate", "quaternion_from_angles", "quaternion_from_ned"]
 
 GYRO, ACCEL, MAG, ATTITUDE = "gyro", "accel", "mag", "attitude"
 VELOCITY, POSITION, PRESSURE = "velocity", "position", "pressure"
@@ -106,6 +106,11 @@ class Log:
                 return stream
         names = ", ".join(f"{number} ({stream.name})" for number, stream in enumerate(streams)) or "none"
         raise RecordingError(f"{self.path}: {option} {name} is not in the log; it has {names}")
+
+
+def own_estimate(of: str) -> str:
+    """Meaning of an attitude that ``of``, such as "autopilot", has estimated itself."""
+    return f"the {of}'s own estimate, not truth"
 
 
 def interpolated(time_s: np.ndarray, known_s: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ from .recording import (
     mean_rate,
     unit_quaternions,
 )
+from .turning import AGREEMENT, RATIO, turning
 
 __all__ = ["held", "recording_of", "recordings_of", "saturated"]
 
@@ -298,9 +299,9 @@ def _means(known_s, values, time_s):
 
 
 def _field(gyro, field, clock, time_s, own):
-    """Field at all rows, zero where there is no new sample, where it is new, and its unit."""
+    """Field at all rows, zero where there is no new sample, and where it is new."""
     if field is None:
-        return {"mag": None, "mag_unit": None}
+        return {"mag": None}
     mag, new = np.zeros((len(time_s), 3)), np.zeros(len(time_s), bool)
     if _same_clock(gyro, field):
         values = field.values[clock.rows]
@@ -318,7 +319,7 @@ def _field(gyro, field, clock, time_s, own):
         inside = (stamps >= time_s[0] - step) & (stamps <= time_s[-1] + step)
         row = np.searchsorted((time_s[1:] + time_s[:-1]) / 2, stamps[inside])
         mag[row], new[row] = values[inside], True
-    return {"mag": mag, "mag_unit": field.unit, "mag_new": new}
+    return {"mag": mag, "mag_new": new}
 
 
 def _track(log, kind):
@@ -382,4 +383,22 @@ def _statements(recording, gyro):
         if at_end.any():
             lines.append(f"{kind}: {int(at_end.sum()):,} samples at its largest value, "
                          f"{np.abs(values[at_end]).max():.6g} {unit}: beyond the sensor's range, the angles suffer")
+    if (line := _contradiction(recording, gyro)) is not None:
+        lines.append(line)
     return lines
+
+
+def _contradiction(recording, gyro):
+    """What the turning of the field, or else of the specific force, says about the rates, if they do not fit."""
+    name, vectors = "specific force", recording.accel
+    if recording.mag is not None and np.count_nonzero(recording.mag_new) > 1:
+        new = recording.mag_new
+        name, vectors = "field", interpolated(recording.time_s, recording.time_s[new], recording.mag[new])
+    found = turning(recording.time_s, np.radians(recording.gyro_deg_s), vectors)
+    if found is None or abs(found.agreement) < AGREEMENT:
+        return None
+    if found.ratio < 0:
+        return f"the {name} turns against the rates: signs or axes of the two sensors contradict each other"
+    if 1 / RATIO < found.ratio < RATIO:
+        return None
+    return f"the {name} turns {found.ratio:.2g} times as fast as the rates say: is the unit of the gyro {gyro.unit}?"

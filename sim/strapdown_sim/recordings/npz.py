@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 
 from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
-from .recording import RecordingError, unit_quaternions
+from .recording import RecordingError
 
 __all__ = ["read_npz"]
 
@@ -43,9 +43,9 @@ def read_npz(path):
         streams.append(Stream(MAG, "mag", time_s, array("mag", count, 3), "uT"))
     if "quat_ref" in arrays:
         clock = array("t_att", arrays["t_att"].size) if "t_att" in arrays else time_s
-        quaternion, valid = unit_quaternions(array("quat_ref", len(clock), 4))
+        quaternion = array("quat_ref", len(clock), 4)
         if "valid" in arrays:
-            valid = valid & (array("valid", len(clock)) != 0)
-        streams.append(Stream(ATTITUDE, "quat_ref", clock, np.where(valid[:, None], quaternion, np.nan), frame="ENU",
-                              heading_known=True, meaning="recorded reference"))
+            quaternion[array("valid", len(clock)) == 0] = np.nan
+        streams.append(Stream(ATTITUDE, "quat_ref", clock, quaternion, frame="ENU", heading_known=True,
+                              meaning="recorded reference"))
     return Log(path, "NumPy archive", tuple(streams), rate_hz=rate, place=lambda row: f"array 't', index {row}")

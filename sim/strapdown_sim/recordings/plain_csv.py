@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from .blackbox import one_g
 from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of, unit_of_steps
 from .dialects import dialect_of, units_of_values
-from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream, interpolated
+from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream, interpolated, own_estimate
 from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
 from .x_imu import x_imu_log
@@ -139,12 +140,12 @@ def _blackbox(table, found):
         return table, units, notes
     columns = [column.number for column in found.of[ACCEL]]
     given = [match for line in table.comments if (match := re.match(r'"?acc_1G"?\s*[,:]\s*"?(\d+)', line))]
-    one_g = float(given[0][1]) if given else float(2 ** np.rint(np.log2(np.nanmedian(
-        np.linalg.norm(table.values[:, columns], axis=1)))))
-    if not given:
-        notes.append(f"accelerometer: {one_g:g} units are taken as one g")
+    unit = float(given[0][1]) if given else 0.0
+    if not unit:
+        unit, note = one_g(table.values[:, columns])
+        notes.append(note)
     values = table.values.copy()
-    values[:, columns] /= one_g
+    values[:, columns] /= unit
     return replace(table, values=values), units, notes
 
 
@@ -173,7 +174,7 @@ def _beside(table, found):
             turned = gravity_side(scaled(other, columns.of[ATTITUDE])[0], known)
             if turned is not None:
                 yield Stream(ATTITUDE, path.stem, own_s, turned, frame="NWU",
-                             meaning="the device's own estimate, not truth")
+                             meaning=own_estimate("device"))
 
 
 def ignored_note(table, found):
@@ -210,7 +211,7 @@ def _attitude(table, found, time_s, streams):
     turned = gravity_side(values, force)
     if turned is not None:
         yield {"kind": ATTITUDE, "name": found.of[ATTITUDE][0].source, "time_s": time_s, "values": turned,
-               "frame": "NWU", "heading_known": False, "meaning": "the file's own estimate, not truth"}
+               "frame": "NWU", "heading_known": False, "meaning": own_estimate("file")}
 
 
 def gravity_side(quaternion, force):

@@ -101,8 +101,8 @@ class Recording:
         Specific force, m/s^2: at rest one g upwards. Zero where there is no sample.
     mag : ndarray, shape (N, 3), or None
         Magnetic field, uT, zero where there is no sample; None without magnetometer.
-    accel_unit, mag_unit : str, str or None
-        Units in the file, for reports; the arrays above are converted.
+    accel_unit : str
+        Unit in the file, for messages; the array above is converted.
     reference : Reference or None
         Reference orientation in the recording.
     period_s : ndarray, shape (N,), or None
@@ -124,7 +124,6 @@ class Recording:
     accel: np.ndarray
     mag: np.ndarray | None
     accel_unit: str
-    mag_unit: str | None
     reference: Reference | None
     period_s: np.ndarray | None = None
     mag_new: np.ndarray | None = None

@@ -24,7 +24,7 @@ import numpy as np
 
 from .columns import TIME, columns_of, scaled, seconds, streams_of
 from .dialects import PHONE_UNITS
-from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated
+from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated, own_estimate
 from .plain_csv import gravity_side, kind_of_name, table_log
 from .recording import RecordingError
 from .table import decoded, parse_table
@@ -129,10 +129,10 @@ def _merged(path, files):
         turned = gravity_side(q, force)
         if turned is not None:
             streams.append(Stream(ATTITUDE, name, time_s, turned, frame="NWU",
-                                  meaning="the device's own estimate, not truth"))
+                                  meaning=own_estimate("device")))
     order = [stream for stream in streams if stream.kind != ACCEL] + forces
-    names = {stream.name for stream in streams}
-    unused = sorted(file.name for file in files if file not in used and file.stem not in names
+    sources = {stream.name for stream in streams}
+    unused = sorted(file.name for file in files if file not in used and file.stem not in sources
                     and (gravity is None or file != gravity.path))
     if unused:
         notes.append(f"files not used: {', '.join(unused)}")

@@ -35,6 +35,7 @@ from .log import (
     Log,
     Stream,
     from_frd,
+    own_estimate,
     quaternion_from_ned,
 )
 from .recording import RecordingError
@@ -49,8 +50,6 @@ TOPICS = ("sensor_combined", "vehicle_imu", "sensor_gyro", "sensor_accel", "vehi
 
 INVALID_RELATIVE = 2**31 - 1
 """Relative time stamp of a sample that is not there."""
-
-OWN_ESTIMATE = "the autopilot's own estimate, not truth"
 
 
 def read_ulog(path):
@@ -151,7 +150,7 @@ class _Streams:
         for _, data in self._named("vehicle_attitude"):
             yield Stream(ATTITUDE, "vehicle_attitude", self._time(data, "timestamp_sample"),
                          quaternion_from_ned(np.stack([data[f"q[{k}]"] for k in range(4)], axis=-1)), frame="NWU",
-                         meaning=OWN_ESTIMATE)
+                         meaning=own_estimate("autopilot"))
         for _, data in self._named("vehicle_local_position"):
             yield Stream(VELOCITY, "vehicle_local_position", self._time(data, "timestamp_sample"),
                          np.stack([data["vy"], data["vx"], -data["vz"]], axis=-1), "m/s")

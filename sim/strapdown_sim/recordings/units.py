@@ -48,13 +48,15 @@ def factor(kind: str, unit: str) -> tuple[float, str] | None:
 
     A number before the unit, as in 0.061mg, is the size of a count.
     """
-    number, unit = re.fullmatch(r"\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)?(.*)", unit, re.DOTALL).groups()
+    counted = re.match(r"\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)(?=\s*\D)", unit)
+    number = counted[1] if counted else ""
+    unit = unit[counted.end():] if counted else unit
     plain = re.sub(r"\^\{?(-?\d)\}?", r"^\1", unit.translate(_CHARACTERS)).casefold()
     plain = _SPELLINGS[kind].get(plain, plain).casefold()
     known = {name.casefold(): name for name in UNITS[kind]}
     if plain not in known:
         return None
-    return UNITS[kind][known[plain]] * float(number or 1), (number or "") + known[plain]
+    return UNITS[kind][known[plain]] * float(number or 1), number + known[plain]
 
 
 def quantity(unit: str) -> str | None:

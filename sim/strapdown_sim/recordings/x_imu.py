@@ -16,8 +16,8 @@ X_IMU_RATE_HZ = 256.0
 """Sample rate assumed for an x-IMU export, whose samples have packet numbers but no time.
 
 The device writes calibrated inertial data at 2^(n-1) Hz; the register n is in ``..._Registers.csv`` of the
-export, which is read if it is there. 256 Hz (n = 9) is the highest rate, and that of the published recording 00033, as its
-real-time clock confirms: 12,626 samples in 49.3 s.
+export, which is read if it is there. 256 Hz (n = 9) is the highest rate, and that of the published recording
+00033, as its real-time clock confirms: 12,626 samples in 49.3 s.
 """
 
 _MAX_PACKET_STEP = 4
