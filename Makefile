@@ -52,7 +52,7 @@ test: setup icarus ## Run all tests, except those that only `make sim` and `make
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m 'not sim_only and not ip'
 
-test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready $(VENV)-fusesoc/ready $(VENV)-litex/ready ## Run the tests of drivers and packages that need tools of their own: ARM, PYNQ, FuseSoC, LiteX.
+test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready $(VENV)-fusesoc/ready $(VENV)-litex/ready $(VENV)-rerun/ready ## Run the tests that need tools of their own: ARM, PYNQ, FuseSoC, LiteX, Rerun, a browser.
 	@scripts/install_debian.sh arm-linux-gnueabihf-gcc=gcc-arm-linux-gnueabihf \
 		arm-linux-gnueabihf-ld=libc6-dev-armhf-cross qemu-arm=qemu-user dtc=device-tree-compiler
 	@scripts/install_debian.sh chromium=chromium chromedriver=chromium-driver tclsh=tcl yosys=yosys
@@ -73,6 +73,12 @@ $(VENV)-pynq/ready: pyproject.toml
 	python3 -m venv $(VENV)-pynq
 	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check pynq==4.0.0
 	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
+
+$(VENV)-rerun/ready: pyproject.toml constraints.txt
+	python3 -m venv $(VENV)-rerun
+	$(VENV)-rerun/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		--editable '.[rerun]'
 	touch $@
 
 sim: setup ## Run every module's cocotb bench in SIM=icarus or verilator; WAVES=1 keeps waveforms.

@@ -222,6 +222,13 @@ def test_waves_that_cannot_be_kept(recording, tmp_path, options, told):
     assert not (tmp_path / "out").exists()
 
 
+def test_rerun_needs_its_package(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("strapdown_sim.rerun_log.find_spec", lambda name: None)
+    assert_one_line(replay(recording(), tmp_path / "out", "--rerun"),
+                    "a recording for Rerun needs rerun-sdk: pip install 'strapdown[rerun]'")
+    assert not (tmp_path / "out").exists()
+
+
 def test_samples_are_counted_by_the_status_of_their_update(recording, tmp_path, twin):
     """Too large for binary32, accelerometer missing, magnetometer missing: 3, 2 and 4 of 20."""
     path = recording({1: "1e39,0,0,0,0,1,20,0,-40", 2: "0,1e39,0,0,0,1,20,0,-40", 3: "0,0,-1e39,0,0,1,20,0,-40",

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import conjugate, multiply
+from .extras import MissingExtraError
 from .recordings import Recording
 from .reference.flight import FRAME_QUATERNIONS
 
@@ -17,8 +18,8 @@ BAGS = {"mcap": "imu", "ros1": "imu.bag"}
 TOPIC, FRAME = "/imu/data", "imu"
 
 
-class MissingRosbagsError(ImportError):
-    """rosbags is not installed. The message is one line with the command that installs it."""
+class MissingRosbagsError(MissingExtraError):
+    """rosbags is not installed."""
 
 
 def require_rosbags() -> None:

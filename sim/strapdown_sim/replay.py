@@ -47,6 +47,7 @@ from .picture import attitude_picture, outputs_picture
 from .recordings import Recording, RecordingError
 from .reference.attitude import euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS
+from .rerun_log import require_rerun, write_rerun
 from .truth import REFERENCES
 
 __all__ = ["Replay", "for_recording", "port_inputs", "replay", "replay_channels", "write_attitude"]
@@ -68,6 +69,8 @@ class Replay:
         The circuit's roll, pitch and yaw in degrees.
     panels : tuple of Panel
         Curves of the run for a page.
+    recorded : ndarray, shape (N, 4), or None
+        The log's own attitude in the same frame, NaN where it has none.
     """
 
     outputs: dict
@@ -75,11 +78,12 @@ class Replay:
     quaternion: np.ndarray | None = None
     angles: np.ndarray | None = None
     panels: tuple[Panel, ...] = ()
+    recorded: np.ndarray | None = None
 
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
            command: Sequence[str], html: bool = False, bag: str | None = None,
-           waves: tuple[float, float] | None = None,
+           rerun: bool = False, waves: tuple[float, float] | None = None,
            progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
@@ -93,6 +97,7 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
       sensor to earth; pitch, roll, yaw in degrees) and ``attitude.png``;
     - for any other module, whose kernel in float64 is the reference: ``outputs.csv`` and ``outputs.png``;
     - if asked, ``replay.html``: one self-contained page with all curves, the status bits, and a turning attitude;
+    - if asked, ``replay.rrd``: the same and, of a navigator, its track, for the Rerun viewer;
     - if asked, ``replay.vcd``: a waveform of the updates of a stretch of the recording. Each update begins at the time
       of its sample, and has a clock period of 10 ns. The time counts from the first sample, if that has a negative one.
 
@@ -114,6 +119,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         Whether to write ``replay.html``. Needs plotly.
     bag : str or None
         A key of ``BAGS``: writes the attitude with the samples as sensor_msgs/Imu. Needs rosbags.
+    rerun : bool
+        Whether to write ``replay.rrd``. Needs rerun-sdk.
     waves : (float, float) or None
         Ends of the stretch of ``replay.vcd``, seconds on the clock of the recording.
     progress : callable or None
@@ -123,13 +130,13 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     -------
     Replay
 
-    Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError for a page without plotly,
-    MissingRosbagsError for a bag without rosbags, RecordingError if there is no sample in the stretch of ``waves``, and
+    Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError, MissingRosbagsError or MissingRerunError
+    without the package for what is asked, RecordingError if there is no sample in the stretch of ``waves``, and
     ConfigError for a configuration of several channels, with inputs that a recording does not have, or without an
     attitude for a bag, before any file is made; ToolError if g++ or Verilator fails; OSError if files cannot be
     written.
     """
-    _check_tools(html, bag)
+    _check_tools(html, bag, rerun)
     progress = progress or (lambda stage, done, total: None)
     count = len(recording.time_s)
     stretch = None if waves is None else _stretch(recording, *waves)
@@ -170,18 +177,18 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
             found = _outputs(recording, system, result, system.run_float64(inputs)[0], partial, title, summary)
         (partial / "summary.json").write_text(json.dumps(found.summary, indent=2, allow_nan=False) + "\n",
                                               encoding="utf-8")
-        _write_asked(partial, recording, config, found, title, bits, html=html, bag=bag)
+        _write_asked(partial, recording, config, found, title, bits, html=html, bag=bag, rerun=rerun)
     progress("compare", 2, 2)
     return found
 
 
 def replay_channels(recordings: Sequence[Recording], config: Config, directory: str | os.PathLike, *,
                     build: str | os.PathLike, command: Sequence[str], html: bool = False, bag: str | None = None,
-                    progress: Callable[[str, int, int], object] | None = None) -> Replay:
+                    rerun: bool = False, progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run recordings of several IMUs through a core for several channels, the first one in channel 0, and so on.
 
     Each channel gets one sample after the other in turn; channels without a recording get none. The function writes
-    what ``replay`` writes, with the results of each channel, its page and its bag too, in a folder ``channel_0``, ....
+    what ``replay`` writes, with the results of each channel, also what is asked, in a folder ``channel_0``, ....
 
     Parameters
     ----------
@@ -189,7 +196,7 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
         On one time axis, as from ``recordings_of``; at most as many as the core has channels.
     config : Config
         A configuration of several channels, whose core has an independent reference.
-    directory, build, command, html, bag, progress
+    directory, build, command, html, bag, rerun, progress
         See ``replay``.
 
     Returns
@@ -199,7 +206,7 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
 
     Raises: as ``replay``.
     """
-    _check_tools(html, bag)
+    _check_tools(html, bag, rerun)
     progress = progress or (lambda stage, done, total: None)
     progress("build", 0, 1)
     first, lanes, count = recordings[0], len(recordings), len(recordings[0].time_s)
@@ -232,7 +239,7 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
             title = f"{recording.name}: channel {channel} of {module}, {recording.sample_rate_hz:g} Hz"
             truth = _truth(single, config, recording, system)
             found = _attitude(recording, config, outputs, truth, folder, title, own)
-            _write_asked(folder, recording, config, found, title, bits, html=html, bag=bag)
+            _write_asked(folder, recording, config, found, title, bits, html=html, bag=bag, rerun=rerun)
             replays.append(found)
             summary["channels"][str(channel)] = {
                 name: value for name, value in own.items() if name == "recording" or summary.get(name) != value}
@@ -241,7 +248,7 @@ def replay_channels(recordings: Sequence[Recording], config: Config, directory: 
     return replace(replays[0], summary=summary)
 
 
-def _check_tools(html, bag):
+def _check_tools(html, bag, rerun):
     """Raises: what ``replay`` raises for programs and packages that are missing."""
     compiler()
     verilator_root()
@@ -249,16 +256,27 @@ def _check_tools(html, bag):
         require_plotly()
     if bag:
         require_rosbags()
+    if rerun:
+        require_rerun()
 
 
-def _write_asked(folder, recording, config, found, title, bits, *, html, bag):
-    """Write page and bag of a Replay to a folder, if asked; ``bits``: the status of its updates, by name."""
+def _write_asked(folder, recording, config, found, title, bits, *, html, bag, rerun):
+    """Write page, bag and recording for Rerun of a Replay, if asked; ``bits``: the status of its updates, by name."""
     frame = getattr(config, "frame", "NWU")
     if bag:
         write_bag(folder, bag, recording, found.quaternion, frame)
+    shown = {"title": title, "time_s": recording.time_s, "panels": found.panels, "status": bits,
+             "gaps": _bridged(recording), "frame": frame}
     if html:
-        write_page(folder / "replay.html", title=title, time_s=recording.time_s, panels=found.panels, status=bits,
-                   gaps=_bridged(recording), quaternion=found.quaternion, frame=frame, facts=_facts(found.summary))
+        write_page(folder / "replay.html", quaternion=found.quaternion, facts=list(_facts(found.summary)), **shown)
+    if rerun:
+        attitudes = {name: quaternion for name, quaternion in (("hardware", found.quaternion), ("log", found.recorded))
+                     if quaternion is not None}
+        tracks = {}
+        if recording.position is not None and "position" in found.outputs:
+            tracks = {"hardware": (recording.time_s, found.outputs["position"].astype(float)),
+                      "log": (recording.position.time_s, recording.position.values[:, :2])}
+        write_rerun(folder / "replay.rrd", attitudes=attitudes, tracks=tracks, **shown)
 
 
 def _command(command, module, config):
@@ -404,13 +422,14 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
         "quaternion": "sensor to earth, scalar first",
         "against_float64_reference_deg": spread(difference),
     }
-    device, panels = np.full_like(angles, np.nan), []
+    device, panels, recorded = np.full_like(angles, np.nan), [], None
     if recording.reference is not None:
         to_frame = FRAME_QUATERNIONS[config.frame]
         match = match_reference(recording, multiply(conjugate(to_frame), quaternion))
         errors = attitude_errors(match.q_est, match.q_ref)
         summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
-        pitch, roll, yaw = euler_angles(matrix_from_quaternion(multiply(to_frame, match.q_ref)))
+        recorded = _at(match.sample, multiply(to_frame, match.q_ref), len(angles))
+        pitch, roll, yaw = euler_angles(matrix_from_quaternion(recorded[match.sample]))
         device[match.sample] = np.stack([roll, pitch, yaw], axis=-1)
         panels = [_errors_panel(recording, match, errors)]
 
@@ -431,7 +450,7 @@ def _attitude(recording, config, outputs, truth, directory, title, summary):
     if "bias" in outputs:
         panels.append(Panel("bias of the gyro (deg/s)", [
             Curve(f"bias {axis}", outputs["bias"][:, k]) for k, axis in enumerate("xyz")]))
-    return Replay(outputs, summary, quaternion, angles, tuple(panels))
+    return Replay(outputs, summary, quaternion, angles, tuple(panels), recorded)
 
 
 def write_attitude(path: Path, recording: Recording, outputs: dict) -> None:
@@ -473,10 +492,10 @@ def _outputs(recording, system, result, truth, directory, title, summary):
     _write_csv(directory / "outputs.csv", recording.time_s,
                {port.removeprefix("out_"): (result[port], 9) for port in system.output_ports})
     outputs = system.read(result)
-    quaternion, recorded, below = None, {}, []
+    quaternion, attitude, recorded, below = None, None, {}, []
     if has_attitude(system.inputs, outputs):
         quaternion = navigated_attitude(outputs)
-        recorded, below = _navigated(recording, system, outputs, quaternion, directory, title, summary)
+        attitude, recorded, below = _navigated(recording, system, outputs, quaternion, directory, title, summary)
     outputs_picture(
         directory / "outputs.png", title=title, time_s=recording.time_s,
         hardware={port: result[port] for port in system.output_ports}, reference_model=truth,
@@ -485,15 +504,16 @@ def _outputs(recording, system, result, truth, directory, title, summary):
         *([Curve("the log's own", recorded[port], points=True, colour=ESTIMATE)] if port in recorded else []),
         Curve("kernel in float64", truth[port], turns=turns[port], colour=REFERENCE, width=4),
         Curve("hardware", result[port], turns=turns[port], colour=HARDWARE)]) for port in system.output_ports]
-    return Replay(outputs, summary, quaternion, panels=(*panels, *below))
+    return Replay(outputs, summary, quaternion, panels=(*panels, *below), recorded=attitude)
 
 
 def _navigated(recording, system, outputs, quaternion, directory, title, summary):
     """Compare an attitude, velocity and position with those of the log, for the summary; draw the track.
 
-    Returns: output ports to what the log says, shape (N,), NaN where it says nothing; panels of the differences.
+    Returns: the log's attitude, shape (N, 4), or None; output ports to what the log says, shape (N,); NaN where it says
+    nothing; panels of the differences.
     """
-    count = len(recording.time_s)
+    count, attitude = len(recording.time_s), None
     recorded: dict[str, np.ndarray] = {}
     panels = []
 
@@ -517,6 +537,7 @@ def _navigated(recording, system, outputs, quaternion, directory, title, summary
         errors = attitude_errors(match.q_est, match.q_ref)
         summary["against_recorded_reference_deg"] = _against_reference(recording, match, errors)
         panels.append(_errors_panel(recording, match, errors))
+        attitude = _at(match.sample, match.q_ref, count)
         if "attitude" in outputs:
             # Heading is clockwise; the angles of FLU and NWU have the other sign for pitch and yaw.
             pitch, roll, yaw = euler_angles(matrix_from_quaternion(match.q_ref))
@@ -535,7 +556,7 @@ def _navigated(recording, system, outputs, quaternion, directory, title, summary
         beside("position", track.sample, track.recorded[:, :2].T)
         beside("height", track.sample, track.recorded[:, 2:].T)
         track_picture(directory / "track.png", title=title, recording=recording, latitude=latitude, longitude=longitude)
-    return recorded, panels
+    return attitude, recorded, panels
 
 
 def _errors_panel(recording, match, errors):
@@ -547,8 +568,8 @@ def _errors_panel(recording, match, errors):
 
 
 def _at(places, values, count):
-    """Values at some samples of ``count``; NaN at the others."""
-    whole = np.full(count, np.nan)
+    """Values at some samples of ``count``, along the first axis; NaN at the others."""
+    whole = np.full((count, *np.shape(values)[1:]), np.nan)
     whole[places] = values
     return whole
 

@@ -64,9 +64,9 @@ def optical(source, config_name, changes, lines, seconds, start_s, full_scale, o
     --set clock_hz=50e6.
     """
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
+    from strapdown_sim.extras import MissingExtraError
     from strapdown_sim.instrument.errors import InstrumentError
     from strapdown_sim.optical import optical as run
-    from strapdown_sim.page import MissingPlotlyError
     from strapdown_sim.recordings import RecordingError
 
     config, _, options = target_of(None, config_name or DEFAULT, changes)
@@ -87,7 +87,7 @@ def optical(source, config_name, changes, lines, seconds, start_s, full_scale, o
             with writing(output, build):
                 summary = run(light, config, output, lines=lines, build=build, shown=shown, html=html,
                               progress=progress, command=("strapdown", "generate", *options, "--module", "OPT_top"))
-        except (SimulatorMissingError, MissingPlotlyError, ConfigError, InstrumentError, RecordingError) as error:
+        except (SimulatorMissingError, MissingExtraError, ConfigError, InstrumentError, RecordingError) as error:
             raise UserError(str(error)) from None
     _print_summary(summary, output)
 

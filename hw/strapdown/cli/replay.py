@@ -60,21 +60,23 @@ def _pairs(columns):
 @click.option("--bag", type=click.Choice(["mcap", "ros1"]),
               help="Also write the attitude with the samples as sensor_msgs/Imu: a folder imu with MCAP for ROS 2, or "
                    "imu.bag for ROS 1.")
+@click.option("--rerun", is_flag=True,
+              help="Also write replay.rrd for the Rerun viewer: attitude, curves, status bits, and the track of a "
+                   "navigator.")
 @click.option("--waves", metavar="FROM:TO",
               help="Also write replay.vcd, a waveform of the updates between two times, in seconds as in the column t "
                    "of the results. GTKWave and Surfer open it.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def replay(recording, config_name, changes, output, choice, html, bag, waves, build):
+def replay(recording, config_name, changes, output, choice, html, bag, rerun, waves, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
     RECORDING is a log of one of the formats of docs/recordings.md; 'strapdown inspect' shows what is in it. The core is
     generated for the recording's sample rate; INS_flight gets the period of each sample. It is INS_top, INS_flight, or
     your own core, if the inputs of its kernel are called a (specific force), m (magnetic field) and g (angular rate).
     """
-    from strapdown_sim.bag import MissingRosbagsError
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
-    from strapdown_sim.page import MissingPlotlyError
+    from strapdown_sim.extras import MissingExtraError
     from strapdown_sim.recordings import RecordingError, read_log, recordings_of
     from strapdown_sim.replay import replay as run
     from strapdown_sim.replay import replay_channels
@@ -96,13 +98,13 @@ def replay(recording, config_name, changes, output, choice, html, bag, waves, bu
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
-                common = {"build": build, "html": html, "bag": bag, "progress": progress,
+                common = {"build": build, "html": html, "bag": bag, "rerun": rerun, "progress": progress,
                           "command": ("strapdown", "generate", *options)}
                 if config.channels > 1:
                     result = replay_channels(recordings, config, output, **common)
                 else:
                     result = run(data, config, output, waves=stretch, **common)
-        except (RecordingError, SimulatorMissingError, MissingPlotlyError, MissingRosbagsError, ConfigError) as error:
+        except (RecordingError, SimulatorMissingError, MissingExtraError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)
     if result.summary["refused_updates"] == result.summary["samples"]:

@@ -12,8 +12,9 @@ from string import Template
 import numpy as np
 
 from ..curves import few, without_jumps
+from ..extras import MissingExtraError
 
-__all__ = ["COLOURS", "Curve", "LineView", "MissingPlotlyError", "Panel", "require_plotly", "write_page"]
+__all__ = ["COLOURS", "TO_ENU", "Curve", "LineView", "MissingPlotlyError", "Panel", "require_plotly", "write_page"]
 
 POINTS = 4000
 """Most points of a curve. In a longer run each of half as many groups keeps its smallest and its largest value."""
@@ -32,8 +33,8 @@ LETTERS = {"level": ("right", "forward", "up")}
 """Names of these rows in the view, where they are not E, N and up."""
 
 
-class MissingPlotlyError(ImportError):
-    """plotly is not installed. The message is one line with the command that installs it."""
+class MissingPlotlyError(MissingExtraError):
+    """plotly is not installed."""
 
 
 @dataclass(frozen=True, eq=False)
