@@ -2,7 +2,7 @@
 
 import numpy as np
 
-__all__ = ["ESTIMATE", "FEW", "GRID", "HARDWARE", "REFERENCE", "few", "without_jumps"]
+__all__ = ["ESTIMATE", "FEW", "GRID", "HARDWARE", "REFERENCE", "few", "span", "without_jumps"]
 
 HARDWARE, REFERENCE, ESTIMATE, GRID = "#10243e", "#8fc1ea", "#e0a458", "#e4e4e4"
 """Colours of the circuit, of what it is compared with, of a third curve, and of the grid."""
@@ -14,6 +14,12 @@ FEW = 40
 def few(values):
     """Whether so few values are finite that the points must be marked."""
     return int(np.isfinite(values).sum()) <= FEW
+
+
+def span(time_s):
+    """Ends of the axis of time, with room for the marks of the first and of the last of few samples."""
+    room = 0.02 * (time_s[-1] - time_s[0]) if few(time_s) else 0.0
+    return float(time_s[0] - room), float(time_s[-1] + room)
 
 
 def without_jumps(angle):

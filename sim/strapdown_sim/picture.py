@@ -5,7 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .curves import ESTIMATE, GRID, HARDWARE, REFERENCE, few, without_jumps
+from .curves import ESTIMATE, GRID, HARDWARE, REFERENCE, few, span, without_jumps
 from .errors import angle_difference
 
 __all__ = ["attitude_picture", "outputs_picture"]
@@ -76,11 +76,13 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
         axes.grid(color=GRID, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
-    difference.set_xlim(time_s[0], time_s[-1])
+    difference.set_xlim(span(time_s))
     figure.align_ylabels()
     panels[0].set_title(title, loc="left", fontweight="bold", pad=26)
+    # Points of many are too small for a legend.
+    small = device is not None and not few(np.asarray(device, float)[:, 0])
     panels[0].legend(handles, labels[:len(handles)], loc="lower left", bbox_to_anchor=(0, 1), ncols=len(handles),
-                     frameon=False, fontsize="small", borderaxespad=0.3, markerscale=3)
+                     frameon=False, fontsize="small", borderaxespad=0.3, markerscale=3 if small else 1)
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})
 
 
@@ -124,7 +126,7 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("time (s)")
-    axes.set_xlim(time_s[0], time_s[-1])
+    axes.set_xlim(span(time_s))
     figure.align_ylabels()
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     labels = ["hardware", "kernel in float64", *(["the log's own"] if recorded else [])]

@@ -41,8 +41,9 @@ def test_contents(page):
     assert f"<h1>{escape(TITLE)}</h1>" in text
     assert "<td>&lt;a&gt;</td>" in text
     assert "at_rest" in text
-    # A bit that is never set has no band.
+    # A bit that is never set has no band, and one that is set for a sample is marked.
     assert '"refused"' not in text
+    assert _trace(page, "at_rest")["mode"] == "lines+markers"
     # Nothing is loaded from a network.
     assert not re.findall(r'<(?:script|link|img)[^>]*(?:src|href)="(?!data:)', text)
 

@@ -1,6 +1,7 @@
 import numpy as np
 from matplotlib.image import imread
 
+from strapdown_sim.curves import ESTIMATE, span
 from strapdown_sim.picture import attitude_picture
 
 TIME = np.arange(500) / 100
@@ -36,3 +37,24 @@ def test_exact_agreement_can_be_drawn(tmp_path):
 def test_the_rotation_angle_is_drawn(tmp_path):
     """The figure in the tables has a separate line, because Euler angles differ from it near the pole."""
     assert draw(tmp_path / "a.png").read_bytes() != draw(tmp_path / "b.png", rotation=np.ones(len(TIME))).read_bytes()
+
+
+def pixels(path, colour):
+    """Number of pixels of a colour, written as #rrggbb."""
+    wanted = [int(colour[place:place + 2], 16) for place in (1, 3, 5)]
+    return int((np.rint(255 * imread(path)[..., :3]) == wanted).all(axis=-1).sum())
+
+
+def test_few_points_are_marked(tmp_path):
+    """A single sample of a third estimate, and the samples of a short run, which shows the first and the last whole."""
+    device = np.full((len(TIME), 3), np.nan)
+    device[250] = 0
+    # A mark has a diameter of 4/72 inches, 8.3 pixels at 150 dpi, and so 31 whole ones; there are three, and one in the
+    # legend.
+    alone = pixels(draw(tmp_path / "a.png", device=device), ESTIMATE)
+    assert alone >= 4 * 31
+    short = {"time_s": TIME[:2], "hardware": ANGLES[:2], "reference_model": ANGLES[:2] + 90, "rotation": np.ones(2)}
+    at_ends = pixels(draw(tmp_path / "b.png", **short, device=ANGLES[:2] + 45), ESTIMATE)
+    assert at_ends > 1.5 * alone
+    assert span(TIME[:2])[0] < TIME[0] < TIME[1] < span(TIME[:2])[1]
+    assert span(TIME) == (TIME[0], TIME[-1])

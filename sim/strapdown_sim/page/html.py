@@ -11,7 +11,7 @@ from string import Template
 
 import numpy as np
 
-from ..curves import few, without_jumps
+from ..curves import few, span, without_jumps
 from ..extras import MissingExtraError
 
 __all__ = ["COLOURS", "TO_ENU", "Curve", "LineView", "MissingPlotlyError", "Panel", "require_plotly", "write_page"]
@@ -168,7 +168,7 @@ def _figure(time_s, panels, status, gaps):
             time, values = _reduced(time_s, curve)
             colour = curve.colour or COLOURS[place % len(COLOURS)]
             figure.add_trace(Scatter(
-                x=time, y=values, name=curve.name, legendgroup=curve.name, connectgaps=False,
+                x=time, y=values, name=curve.name, hovertemplate="%{y}", legendgroup=curve.name, connectgaps=False,
                 showlegend=all(curve.name != other.name for above in panels[:row - 1] for other in above.curves),
                 mode="markers" if curve.points else "lines+markers" if few(values) else "lines",
                 marker={"size": 5 + curve.width if few(values) else 3, "color": colour},
@@ -177,9 +177,12 @@ def _figure(time_s, panels, status, gaps):
                             exponentformat="power", row=row, col=1)
     for name, bits in status.items():
         time, level = _spans(time_s, bits)
-        figure.add_trace(Scatter(x=time, y=[name if set else None for set in level], name=name, mode="lines",
-                                 showlegend=False, connectgaps=False, line={"width": 10, "color": COLOURS[1]}),
-                         row=len(heights), col=1)
+        # The marks show spans that are narrower than a pixel.
+        figure.add_trace(Scatter(
+            x=time, y=[name if set else None for set in level], name=name, mode="lines+markers", showlegend=False,
+            connectgaps=False, line={"width": 10, "color": COLOURS[1]},
+            marker={"symbol": "line-ns-open", "size": 6, "line": {"width": 1.5, "color": COLOURS[1]}}),
+            row=len(heights), col=1)
     if status:
         figure.update_yaxes(type="category", row=len(heights), col=1)
     # All at once: a figure looks through its shapes for each one that is added.
@@ -188,7 +191,7 @@ def _figure(time_s, panels, status, gaps):
          "fillcolor": "#e06666", "opacity": 0.35, "line": {"width": 0.5}, "layer": "below"}
         for start, end in gaps for row in ("", *range(2, len(heights) + 1))])
     figure.update_xaxes(title_text="time (s)", row=len(heights), col=1)
-    figure.update_xaxes(range=[float(time_s[0]), float(time_s[-1])], showspikes=True, spikemode="across",
+    figure.update_xaxes(range=span(time_s), showspikes=True, spikemode="across",
                         spikethickness=1, spikecolor="#888888")
     figure.update_layout(height=sum(heights) + 140, hovermode="x unified", hoverlabel={"namelength": -1},
                          template="plotly_white", margin={"l": 90, "r": 40, "t": 60, "b": 50},
