@@ -88,7 +88,7 @@ def inspection_picture(path: str | os.PathLike, log: Log, recording: Recording |
     recording : Recording or None
         What a replay would use; None if it would refuse the log.
     """
-    streams = [stream for stream in log.streams if np.isfinite(stream.time_s).sum() > 1]
+    streams = [stream for stream in log.streams if np.isfinite(stream.time_s).sum() > 1] or list(log.streams)
     figure = Figure(figsize=(9.0, 0.9 + 1.5 * len(streams)), dpi=120, layout="constrained")
     for axes, stream in zip(figure.subplots(len(streams), 1, sharex=True, squeeze=False)[:, 0], streams, strict=True):
         clock = mended(stream.time_s)
@@ -98,11 +98,12 @@ def inspection_picture(path: str | os.PathLike, log: Log, recording: Recording |
                       color=colour)
         for start, end in recording.timing.bridged if recording is not None and recording.timing is not None else ():
             axes.axvspan(start, end, color=_BAND, linewidth=0.4, zorder=0)
-        axes.set_title(f"{stream.kind}: {stream.name}", loc="left", fontsize="small", color="0.35")
+        axes.set_title(f"{stream.kind}: {stream.name}", loc="left", fontsize="small", color="0.35",
+                       parse_math=False)
         axes.set_ylabel(UNITS[stream.kind])
         axes.grid(color=GRID, linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("time (s)")
-    figure.suptitle(f"{log.path.name}: {log.form}", x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(f"{log.title}: {log.form}", x=0.01, ha="left", fontweight="bold", parse_math=False)
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})

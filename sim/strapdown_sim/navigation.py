@@ -175,7 +175,7 @@ def track_picture(path: str | os.PathLike, *, title: str, recording: Recording, 
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east (m)")
     axes.set_ylabel("north (m)")
-    axes.set_title(title, loc="left", fontsize="medium", fontweight="bold")
+    axes.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
     axes.grid(color=GRID, linewidth=0.6)
     axes.legend(frameon=False)
     FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})

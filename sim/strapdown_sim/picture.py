@@ -78,7 +78,7 @@ def attitude_picture(path, *, title, time_s, hardware, reference_model, rotation
         axes.spines[["top", "right"]].set_visible(False)
     difference.set_xlim(span(time_s))
     figure.align_ylabels()
-    panels[0].set_title(title, loc="left", fontweight="bold", pad=26)
+    panels[0].set_title(title, loc="left", fontweight="bold", pad=26, parse_math=False)
     # Points of many are too small for a legend.
     small = device is not None and not few(np.asarray(device, float)[:, 0])
     panels[0].legend(handles, labels[:len(handles)], loc="lower left", bbox_to_anchor=(0, 1), ncols=len(handles),
@@ -128,7 +128,7 @@ def outputs_picture(path, *, title, time_s, hardware, reference_model, meanings,
     axes.set_xlabel("time (s)")
     axes.set_xlim(span(time_s))
     figure.align_ylabels()
-    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold", parse_math=False)
     labels = ["hardware", "kernel in float64", *(["the log's own"] if recorded else [])]
     figure.legend([*handles, *(marked if recorded else [])], labels, loc="outside lower right", ncols=3, frameon=False,
                   fontsize="small")

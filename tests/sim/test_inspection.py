@@ -1,5 +1,7 @@
 """``strapdown inspect``: facts of the streams of a log, what a replay would use, and the picture."""
 
+import os
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -70,6 +72,24 @@ def test_command(tmp_path, monkeypatch):
         assert line in lines
     assert any(line.startswith("field strength 51.") for line in lines)
     assert (tmp_path / "build/inspect/flight.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", [b"gr\xf6\xdfe.csv", "größe 1.csv".encode(), b"a $x^ b$_{.csv"])
+def test_names_of_files(tmp_path, monkeypatch, name):
+    """A name that is not in the encoding of the system, one with umlauts, and one that looks like mathematics."""
+    monkeypatch.chdir(tmp_path)
+    path = csv(tmp_path / os.fsdecode(name), [[k / 100, 1, 2, 3, 0, 0, 1] for k in range(9)], NAMES[:6])
+    result = run(path)
+    assert result.exit_code == 0, result.output
+    assert len(list((tmp_path / "build/inspect").iterdir())) == 1
+
+
+def test_a_stream_of_one_sample(tmp_path):
+    path = csv(tmp_path / "flight.csv", [[time, 1, 2, 3, 0, 0, 1] for time in (0, "")], NAMES[:6])
+    result = run(path, "--picture", tmp_path / "a.png")
+    assert "samples  1\n" in result.output
+    assert "nan" not in result.output
+    assert (tmp_path / "a.png").exists()
 
 
 def test_a_log_that_replay_refuses_is_shown_all_the_same(tmp_path):

@@ -6,6 +6,7 @@ Axes are those of the sensor's body, with the specific force at rest upwards: a 
 of an autopilot, is turned to x forward, y left, z up.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -89,8 +90,13 @@ class Log:
 
     @property
     def name(self) -> str:
-        """File name without suffix."""
-        return self.path.stem
+        """File name without suffix, as printable text."""
+        return Path(self.title).stem
+
+    @property
+    def title(self) -> str:
+        """File name as printable text: a name need not be in the encoding of the system."""
+        return os.fsencode(self.path.name).decode("utf-8", "replace")
 
     def of(self, kind: str) -> list[Stream]:
         """The streams of a kind."""
