@@ -87,6 +87,14 @@ PROGRAMS = {  # header; a row; whether it has a field
     "millis": ("millis," + axes("Gyr_{}_dps") + "," + axes("Acc_{}_mg"), "{ms},{dps},{mg}", False),
     "unit behind a dash": ("Time - s," + axes("Gyro {} - deg/s") + "," + axes("Accel {} - g"), "{s},{dps},{g}", False),
     "d/s": ("Timestamp(ms)," + axes("Acc{}(g)") + "," + axes("Gyro{}(d/s)"), "{ms},{g},{dps}", False),
+    "numbers from 1": ("time_s," + ",".join(f"{name}_{k} ({unit})" for name, unit in (("omega", "rad/s"), ("f", "m/s^2"))
+                                            for k in (1, 2, 3)), "{s},{rps},{mss}", False),
+    "numbers from 0": ("t_s," + ",".join(f"{name}_{k}_{unit}" for name, unit in (
+        ("gyro", "radps"), ("accel", "mps2")) for k in (0, 1, 2)), "{s},{rps},{mss}", False),
+    "time of a week": ("GPS_Week,GPS_MS," + axes("Acc_{} (g)") + "," + axes("Gyro_{} (dps)"), "2100,{ms},{g},{dps}",
+                       False),
+    "a date by its form": ("UTC," + axes("Gyro{} (dps)") + "," + axes("Acc{} (g)"), "{date},{dps},{g}", False),
+    "names without words": ("时间(s)," + axes("加速度{}(g)") + "," + axes("角速度{}(°/s)"), "{s},{g},{dps}", False),
     "time of ISO 8601": ("Timestamp," + axes("gyro{} (dps)") + "," + axes("acc{} (g)"), "{iso},{dps},{g}", False),
 }
 
@@ -171,6 +179,25 @@ def test_columns_without_names_are_called_by_number(tmp_path):
     # Half a count.
     assert recording.gyro_deg_s[5] == pytest.approx(RATE, abs=0.0022)
     assert recording.accel[5] == pytest.approx(FORCE, abs=0.0003)
+
+
+def test_signs_of_axes_are_given_by_hand(tmp_path):
+    head = "t (ms)," + axes("g{} (rad/s)").lower() + "," + axes("a{} (m/s^2)").lower()
+    path = write(tmp_path / "flight.csv", head, "{ms},{rps_frd},{mss_frd}")
+    check(read_recording(path, columns={"gyro_y": "gy (rad/s):-1rad/s", "gyro_z": "gz (rad/s):-1rad/s",
+                                        "accel_y": "ay (m/s^2):-1m/s^2", "accel_z": "az (m/s^2):-1m/s^2"}))
+    ios = write(tmp_path / "ios.csv", head.replace("m/s^2", "g"), "{ms},{rps},{g_ios}")
+    check(read_recording(ios, columns={"accel": ":-1g"}))
+
+
+@pytest.mark.parametrize(("sign", "used"), [(1, True), (-1, False)])
+def test_an_attitude_that_turns_the_force_downwards_is_told(tmp_path, sign, used):
+    head = "t (ms)," + axes("g{} (rad/s)").lower() + "," + axes("a{} (g)").lower() + ",q0,q1,q2,q3"
+    path = write(tmp_path / "flight.csv", head, f"{{ms}},{{rps}},0,0,{sign},1,0,0,0")
+    recording = read_recording(path)
+    assert (recording.reference is not None) == used
+    assert any(note.startswith("attitude q: not used, because it does not turn the specific force upwards")
+               for note in recording.notes) == (not used)
 
 
 def test_the_unit_of_all_axes_is_given_by_hand(tmp_path):

@@ -25,8 +25,8 @@ def log_options(function):
         click.option("--mag", metavar="NAME|NUMBER", help="Magnetometer of several in a log.  [default: the first]"),
         click.option("--log", metavar="NUMBER", help="Log of several in a file.  [default: the longest]"),
         click.option("--columns", multiple=True, metavar="QUANTITY=NAME[:UNIT]",
-                     help="Column of a text file for time, gyro_x, accel_z, mag_y, ..., as in --columns time=T:ms. May "
-                          "be repeated."),
+                     help="Column of a text file for time, gyro_x, accel_z, mag_y, ..., as in --columns time=T:ms; "
+                          "gyro=:deg/s is the unit of all axes. May be repeated."),
         click.option("--from", "start_s", type=float, metavar="S", help="Leave out the first S seconds of the log."),
         click.option("--to", "stop_s", type=float, metavar="S", help="Leave out what comes after S seconds."))
 

@@ -92,7 +92,8 @@ FORMATS = (
 OTHERS = (
     (b"\xd0\xcf\x11\xe0", "an Excel workbook; save its sheet as CSV, or export CSV (phyphox: Comma, decimal point)"),
     (b"\x89HDF", "an HDF5 or MATLAB file; write the signals as a table of text, or with numpy.savez"),
-    (b"MATLAB", "a MATLAB file; write the signals as a table of text (writetable), or with numpy.savez"),
+    (b"MATLAB 5.0", "a MATLAB file; write the signals as a table of text (writetable), or with numpy.savez"),
+    (b"MATLAB 7.3", "a MATLAB file; write the signals as a table of text (writetable), or with numpy.savez"),
     (b"{", "JSON; export CSV (Sensor Logger: Zipped CSV)"),
     (b"[{", "JSON; export CSV (Sensor Logger: Zipped CSV)"),
     (b"PAR1", "a Parquet file; write it as CSV"),

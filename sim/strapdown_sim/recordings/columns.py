@@ -45,10 +45,6 @@ _NO_SENSOR = {"gravity", "linear", "user", "free", "velocity", "position", "angl
 _TAILS = {"axis", "cal"}
 """Words after the axis that say nothing about it."""
 
-_DIGITS = {"element": "1234"}
-"""Numbers of axes that do not begin with 0."""
-
-
 class Column(NamedTuple):
     """A column: quantity, axis (empty for time), name of the source, unit as written, number in the table."""
 
@@ -118,22 +114,19 @@ def _lettered(words):
             yield place, words[place][1], [*words[:place], words[place][0]]
 
 
-def _numbered(words):
-    """The same for axes that are numbers, in the last word."""
-    if len(words) > 1 and re.fullmatch(r"[0-4]", words[-1]):
-        yield len(words) - 1, words[-1], words[:-1]
+def _numbered(words, numbers):
+    """The same for axes that are numbers; ``numbers`` are those of the first axes."""
+    for place, word in enumerate(words):
+        if place and word in list(numbers):
+            yield place, word, words[:place]
 
 
-def _of_number(before, kind, number):
-    numbers = _DIGITS.get("".join(before), "0123")
-    return dict(zip(numbers, AXES[kind], strict=False)).get(number, "")
-
-
-def _column(cell, index, default):
-    """Column of a header cell, or None. ``default`` is the quantity of columns that are only called X, Y and Z."""
+def _column(cell, index, default, numbers):
+    """Column of a header cell, or None. ``default`` is the quantity of columns that are only called X, Y and Z;
+    ``numbers`` are those of axes."""
     label, unit = _parted(cell)
     words = _tokens(label)
-    for place, axis, before in (*_lettered(words), *_numbered(words)):
+    for place, axis, before in (*_lettered(words), *_numbered(words, numbers)):
         tail = "".join(word for word in words[place + 1:] if word not in _TAILS)
         kind = _kind(before) if before else default
         if kind is None and (after := _kind(words[place + 1:])):
@@ -142,7 +135,7 @@ def _column(cell, index, default):
         kind = kind or _kind_of_unit(unit, words)
         if kind not in AXES or (tail and (unit is not None or factor(kind, tail) is None)):
             continue
-        axis = axis if axis.isalpha() else _of_number(before, kind, axis)
+        axis = axis if axis.isalpha() else dict(zip(numbers, AXES[kind], strict=False)).get(axis, "")
         if axis in list(AXES[kind]):
             return Column(kind, axis, " ".join(before) or kind, unit if unit is not None else tail or None, index)
     for count in range(len(words), 0, -1):
@@ -151,6 +144,8 @@ def _column(cell, index, default):
                 not tail or (kind != COUNTER and unit is None and factor(kind, tail))):
             unit = unit if unit is not None else tail or _TIME_UNITS.get("".join(words[:count]))
             return Column(kind, "", " ".join(words[:count]), unit, index)
+    if unit is None and len(words) > 1 and words[-1] in ("ms", "us", "ns"):
+        unit = words[-1]
     if _kind_of_unit(unit, words) == TIME:
         return Column(TIME, "", OTHER_TIME, unit, index)
     return None
@@ -186,7 +181,11 @@ def columns_of(table: Table, *, given: Mapping[str, str] | None = None, default:
     Raises: RecordingError for a column of ``given`` that is not there, a column that appears twice, and a sensor that
     lacks an axis.
     """
-    found = [column for index, cell in enumerate(table.header) if (column := _column(cell, index, default))]
+    # Axes that are numbers begin with 0, or with 1 if there is no 0.
+    numbers = "0123" if any("0" in _tokens(_parted(cell)[0]) for cell in table.header) else "1234"
+    found = [column for index, cell in enumerate(table.header) if (column := _column(cell, index, default, numbers))]
+    if not any(column.kind == TIME for column in found):
+        found += [Column(TIME, "", OTHER_TIME, None, number) for number in sorted(table.moments)]
     chosen: dict[str, list[Column]] = {}
     units: dict[str, str] = {}
     for name, cell in (given or {}).items():
@@ -280,7 +279,8 @@ def scaled(table: Table, columns: Sequence[Column], units: Mapping[str, str] | N
         raise RecordingError(f"{table.path}: {NAMES[kind]} axes have units {', '.join(unit for _, unit in found)}; "
                              "use one for all")
     check_numbers(table, columns)
-    return found[0][0] * table.values[:, [column.number for column in columns]], found[0][1]
+    factors = np.array([size for size, _ in found])
+    return factors * table.values[:, [column.number for column in columns]], found[0][1]
 
 
 def check_numbers(table: Table, columns: Sequence[Column]) -> None:

@@ -16,7 +16,7 @@ from .recording import STANDARD_GRAVITY, RecordingError
 from .table import Table, decoded, parse_table
 from .x_imu import x_imu_log
 
-__all__ = ["gravity_side", "kind_of_name", "read_csv", "table_log"]
+__all__ = ["attitude_streams", "kind_of_name", "read_csv", "table_log"]
 
 XSENS_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "a.u."}
 """Units of text files of Xsens MT Manager."""
@@ -93,8 +93,11 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
     if dialect and dialect.signs:
         streams = [replace(stream, values=stream.values * dialect.signs[stream.kind])
                    if stream.kind in dialect.signs else stream for stream in streams]
-    streams += _beside(table, found)
-    streams += [Stream(**attitude) for attitude in _attitude(table, found, time_s, streams)]
+    streams += _beside(table, found, notes)
+    if ATTITUDE in found.of:
+        force = next(stream.values for stream in streams if stream.kind == ACCEL)
+        streams += attitude_streams(found.of[ATTITUDE][0].source, time_s, scaled(table, found.of[ATTITUDE])[0], force,
+                                    "file", notes)
     return Log(table.path, "table of text", tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
                place=lambda row: f"line {table.lines[row]}")
 
@@ -149,7 +152,7 @@ def _blackbox(table, found):
     return replace(table, values=values), units, notes
 
 
-def _beside(table, found):
+def _beside(table, found, notes):
     """Streams of the files beside an x-IMU3's ``Inertial.csv`` and an NGIMU's ``sensors.csv``."""
     name = table.path.name
     if "Inertial" in name:
@@ -170,11 +173,8 @@ def _beside(table, found):
         own_s = seconds(other, columns.of[TIME][0])
         yield from streams_of(other, columns, own_s, name=path.stem)
         if ATTITUDE in columns.of:
-            known = interpolated(own_s, time_s, force)
-            turned = gravity_side(scaled(other, columns.of[ATTITUDE])[0], known)
-            if turned is not None:
-                yield Stream(ATTITUDE, path.stem, own_s, turned, frame="NWU",
-                             meaning=own_estimate("device"))
+            yield from attitude_streams(path.stem, own_s, scaled(other, columns.of[ATTITUDE])[0],
+                                        interpolated(own_s, time_s, force), "device", notes)
 
 
 def ignored_note(table, found):
@@ -202,28 +202,24 @@ def _inertial_hint(path):
     return f" ({other.name})" if other != path and other.is_file() else ""
 
 
-def _attitude(table, found, time_s, streams):
-    """The attitude of a table, if its quaternions turn the specific force upwards."""
-    if ATTITUDE not in found.of:
-        return
-    values, _ = scaled(table, found.of[ATTITUDE])
-    force = next(stream.values for stream in streams if stream.kind == ACCEL)
-    turned = gravity_side(values, force)
-    if turned is not None:
-        yield {"kind": ATTITUDE, "name": found.of[ATTITUDE][0].source, "time_s": time_s, "values": turned,
-               "frame": "NWU", "heading_known": False, "meaning": own_estimate("file")}
+def attitude_streams(name, time_s, quaternion, force, of, notes):
+    """The stream of an attitude that ``of``, a device or a file, gives, if it turns the specific force upwards.
 
-
-def gravity_side(quaternion, force):
-    """Quaternions, or their conjugates, whichever turns the specific force upwards; None if neither does."""
-    best = None
+    The quaternions, or their conjugates, are taken, whichever do. If neither do, there is no stream, but a note.
+    """
+    if not np.nan_to_num(quaternion).any():
+        return []
+    best, upwards = quaternion, -1.0
     for sign in (1.0, 1.0, 1.0, 1.0), (1.0, -1.0, -1.0, -1.0):
-        q = quaternion * sign
-        w, x, y, z = q.T
+        w, x, y, z = (quaternion * sign).T
         # Third row of the matrix, body to navigation.
         up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], axis=-1)
         with np.errstate(invalid="ignore"):
-            upwards = float(np.nanmedian((up * force).sum(axis=1))) / STANDARD_GRAVITY
-        if best is None or upwards > best[0]:
-            best = upwards, q
-    return best[1] if best and best[0] > 0.8 else None
+            found = float(np.nanmedian((up * force).sum(axis=1))) / STANDARD_GRAVITY
+        if found > upwards:
+            best, upwards = quaternion * sign, found
+    if upwards > 0.8:
+        return [Stream(ATTITUDE, name, time_s, best, frame="NWU", meaning=own_estimate(of))]
+    notes.append(f"attitude {name}: not used, because it does not turn the specific force upwards; has the "
+                 "accelerometer the opposite sign, or are its axes others?")
+    return []

@@ -24,8 +24,8 @@ import numpy as np
 
 from .columns import TIME, columns_of, scaled, seconds, streams_of
 from .dialects import PHONE_UNITS
-from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated, own_estimate
-from .plain_csv import gravity_side, kind_of_name, table_log
+from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated
+from .plain_csv import attitude_streams, kind_of_name, table_log
 from .recording import RecordingError
 from .table import decoded, parse_table
 
@@ -126,10 +126,7 @@ def _merged(path, files):
         notes.append("accelerometer: signs of iOS, turned")
     for name, time_s, q in attitudes if forces else ():
         force = interpolated(time_s, forces[0].time_s, forces[0].values)
-        turned = gravity_side(q, force)
-        if turned is not None:
-            streams.append(Stream(ATTITUDE, name, time_s, turned, frame="NWU",
-                                  meaning=own_estimate("device")))
+        streams += attitude_streams(name, time_s, q, force, "device", notes)
     order = [stream for stream in streams if stream.kind != ACCEL] + forces
     sources = {stream.name for stream in streams}
     unused = sorted(file.name for file in files if file not in used and file.stem not in sources

@@ -46,9 +46,9 @@ _SPELLINGS = {
 def factor(kind: str, unit: str) -> tuple[float, str] | None:
     """Factor and usual spelling of a unit of a quantity ("time", "gyro", ...), or None if it is not known.
 
-    A number before the unit, as in 0.061mg, is the size of a count.
+    A number before the unit, as in 0.061mg, is the size of a count; a negative one turns an axis.
     """
-    counted = re.match(r"\s*(\d*\.?\d+(?:[eE][-+]?\d+)?)(?=\s*\D)", unit)
+    counted = re.match(r"\s*(-?\d*\.?\d+(?:[eE][-+]?\d+)?)(?=\s*[^\d\s])", unit)
     number = counted[1] if counted else ""
     unit = unit[counted.end():] if counted else unit
     plain = re.sub(r"\^\{?(-?\d)\}?", r"^\1", unit.translate(_CHARACTERS)).casefold()
@@ -56,7 +56,7 @@ def factor(kind: str, unit: str) -> tuple[float, str] | None:
     known = {name.casefold(): name for name in UNITS[kind]}
     if plain not in known:
         return None
-    return UNITS[kind][known[plain]] * float(number or 1), number + known[plain]
+    return UNITS[kind][known[plain]] * float(number or 1), known[plain]
 
 
 def quantity(unit: str) -> str | None:
