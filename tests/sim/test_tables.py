@@ -87,8 +87,8 @@ PROGRAMS = {  # header; a row; whether it has a field
     "millis": ("millis," + axes("Gyr_{}_dps") + "," + axes("Acc_{}_mg"), "{ms},{dps},{mg}", False),
     "unit behind a dash": ("Time - s," + axes("Gyro {} - deg/s") + "," + axes("Accel {} - g"), "{s},{dps},{g}", False),
     "d/s": ("Timestamp(ms)," + axes("Acc{}(g)") + "," + axes("Gyro{}(d/s)"), "{ms},{g},{dps}", False),
-    "numbers from 1": ("time_s," + ",".join(f"{name}_{k} ({unit})" for name, unit in (("omega", "rad/s"), ("f", "m/s^2"))
-                                            for k in (1, 2, 3)), "{s},{rps},{mss}", False),
+    "numbers from 1": ("time_s," + ",".join(f"{name}_{k} ({unit})" for name, unit in (
+        ("omega", "rad/s"), ("f", "m/s^2")) for k in (1, 2, 3)), "{s},{rps},{mss}", False),
     "numbers from 0": ("t_s," + ",".join(f"{name}_{k}_{unit}" for name, unit in (
         ("gyro", "radps"), ("accel", "mps2")) for k in (0, 1, 2)), "{s},{rps},{mss}", False),
     "time of a week": ("GPS_Week,GPS_MS," + axes("Acc_{} (g)") + "," + axes("Gyro_{} (dps)"), "2100,{ms},{g},{dps}",
