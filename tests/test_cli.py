@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from click.testing import CliRunner
 from strapdown import __version__
 from strapdown.cli import main
 from strapdown.cores import ATTITUDE_CORES, CONFIGS
+from strapdown_sim.replay import Replay
 
 
 def run(*arguments):
@@ -218,3 +220,53 @@ def test_replay_of_a_csv_file(tmp_path, models):
     assert table["yaw"][-1] == pytest.approx(200 * 2 * np.degrees(np.arctan(np.radians(0.15))), abs=2e-5)
     assert table["q3"][-1] == pytest.approx(np.sin(np.radians(30)), abs=1e-6)
     assert "bits that differ from the twin" in result.output
+
+
+@pytest.fixture
+def table_of(tmp_path, monkeypatch):
+    """A function that gives the table at the end of a replay whose summary has more or other values, without the
+    replay."""
+    recording = tmp_path / "turn.npz"
+    np.savez(recording, t=np.arange(9) / 100, fs=100.0, gyro=np.ones((9, 3)), accel=np.tile((0, 0, 9.81), (9, 1)))
+
+    def table(function, values, *options):
+        summary = {"recording": "turn", "sample_rate_hz": 100.0, "config": "c", "samples": 9, "cycles_per_update": 50,
+                   "microseconds_per_update_at_100_mhz": 0.5, "refused_updates": 0, "updates_by_status": {},
+                   "bits_differing_from_twin": 0} | values
+        monkeypatch.setattr(f"strapdown_sim.replay.{function}", lambda *given, **more: Replay({}, summary))
+        result = run("replay", recording, "--output", tmp_path / "out", "--build", tmp_path / "build", *options)
+        assert result.exit_code == 0, result.output
+        return dict(re.split(r"  +", line, maxsplit=1) for line in result.stdout.splitlines())
+
+    return table
+
+
+RECORDED = {"reference": "an estimate", "samples": 9, "heading_known": True, "total_rms": 1.25, "inclination_rms": 0.5,
+            "heading_rms": 1.0, "constant_heading_deg": 0.0, "total_rms_with_constant_heading": 1.25}
+
+
+def test_the_table_has_each_channel(table_of):
+    rows = table_of("replay_channels", {"channels": {str(channel): {
+        "recording": f"imu {channel}", "against_float64_reference_deg": {"max": 1e-4 * (channel + 1), "rms": 0.0},
+        "against_recorded_reference_deg": RECORDED | {"total_rms": 2.0 + channel}} for channel in range(2)}},
+        "--config", "thesis_x8")
+    for channel in range(2):
+        assert rows[f"channel {channel}: largest rotation angle to float64"] == f"0.000{channel + 1}00°, imu {channel}"
+        assert rows[f"channel {channel}: rotation angle to an estimate"] == (
+            f"RMS {2 + channel}.00°, inclination 0.50°, heading 1.00°")
+
+
+def test_the_table_says_what_is_in_the_waveform(table_of, tmp_path):
+    rows = table_of("replay", {"waves": {"file": "replay.vcd", "updates": [3, 1200], "clock_period_ns": 10,
+                                         "from_s": 0.02, "to_s": 12.5, "bytes": 2_340_000}}, "--waves", "0.02:12.5")
+    assert rows["waveform"] == "updates 3 to 1,200, t = 0.020000 to 12.500000 s, 2.34 MB"
+    path = tmp_path / "out" / "replay.vcd"
+    assert rows["open it with"] == f"gtkwave {path}, or surfer {path}"
+
+
+def test_the_table_compares_a_navigator_with_the_log(table_of):
+    track = {"points": 2, "horizontal": {"max": 3.456, "rms": 1.0}, "vertical": {"max": None, "rms": None}}
+    rows = table_of("replay", {"against_recorded_position_m": track, "against_recorded_velocity_m_s": track})
+    assert rows["largest horizontal difference from the log's position"] == "3.46 m"
+    assert rows["largest horizontal difference from the log's velocity"] == "3.46 m/s"
+    assert rows["largest vertical difference from the log's velocity"] == "–"

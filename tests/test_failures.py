@@ -278,8 +278,10 @@ def test_a_reference_without_a_valid_sample_gives_valid_json(tmp_path, twin):
     path = tmp_path / "flight.npz"
     np.savez(path, t=np.arange(COUNT) / 100, fs=100.0, gyro=np.zeros((COUNT, 3)),
              accel=np.tile((0.0, 0.0, 9.81), (COUNT, 1)), quat_ref=np.zeros((COUNT, 4)))
-    result = replay(path, tmp_path / "out")
+    result = replay(path, tmp_path / "out", "--html")
     assert result.exit_code == 0, result.output
+    page = (tmp_path / "out" / "replay.html").read_text(encoding="utf-8")
+    assert "<th>from recorded reference, RMS</th><td>total –, inclination –</td>" in page
     assert re.search(r"^rotation angle to recorded reference +none: it has no valid sample$", result.stdout,
                      re.MULTILINE)
     recorded = strict((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["against_recorded_reference_deg"]

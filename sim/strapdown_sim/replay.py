@@ -582,15 +582,19 @@ def _facts(summary):
     yield "cycles per update", f"{summary['cycles_per_update']}"
     yield "refused updates", f"{summary['refused_updates']:,}"
     yield "bits that differ from the twin", f"{summary['bits_differing_from_twin']:,}"
+
+    def figure(value, form, unit):
+        return "–" if value is None else f"{value:{form}}{unit}"
+
     if difference := summary.get("against_float64_reference_deg"):
-        yield "largest angle from float64", f"{difference['max']:.6f}°"
+        yield "largest angle from float64", figure(difference["max"], ".6f", "°")
     if recorded := summary.get("against_recorded_reference_deg"):
         yield f"from {recorded['reference']}, RMS", ", ".join(
-            f"{name} {recorded[f'{name}_rms']:.2f}°" for name in ("total", "inclination"))
-    for title, unit, name in ("position", "m", "position_m"), ("velocity", "m/s", "velocity_m_s"):
+            f"{name} {figure(recorded[f'{name}_rms'], '.2f', '°')}" for name in ("total", "inclination"))
+    for title, unit, name in ("position", " m", "position_m"), ("velocity", " m/s", "velocity_m_s"):
         if track := summary.get(f"against_recorded_{name}"):
             yield f"from the log's {title}, at most", ", ".join(
-                f"{part} {track[part]['max']:.2f} {unit}" for part in ("horizontal", "vertical") if track["points"])
+                f"{part} {figure(track[part]['max'], '.2f', unit)}" for part in ("horizontal", "vertical"))
     for kind, number in summary.get("time", {}).get("faults", {}).items():
         yield kind, f"{number:,}"
 

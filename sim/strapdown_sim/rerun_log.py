@@ -66,7 +66,8 @@ def write_rerun(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[
     recording.send_recording_name(title)
 
     def send(entity, times, columns):
-        recording.send_columns(entity, indexes=[_time(times)], columns=columns)
+        if len(times):
+            recording.send_columns(entity, indexes=[_time(times)], columns=columns)
 
     if attitudes:
         down = TO_ENU[frame][2][2] < 0
@@ -97,7 +98,7 @@ def write_rerun(path: Path, *, title: str, time_s: np.ndarray, panels: Sequence[
         send(f"track/{name}", times, rr.GeoPoints.columns(positions=places))
         recording.log(f"track/{name}/line", rr.GeoLineStrings(lat_lon=[places], colors=_rgb(
             HARDWARE if name == "hardware" else ESTIMATE)), static=True)
-    if len(gaps):
+    if gaps:
         send("gaps", np.array([start for start, _ in gaps]), rr.TextLog.columns(
             text=[f"gap of {1000 * (end - start):.4g} ms, filled in" for start, end in gaps]))
     recording.flush()
@@ -132,7 +133,7 @@ def _layout(panels, attitudes, tracks, gaps):
 
     left: list[Any] = [rrb.Spatial3DView(origin="attitude", name="attitude")] if attitudes else []
     left += [rrb.MapView(origin="track", name="track")] if tracks else []
-    left += [rrb.TextLogView(origin="gaps", name="gaps")] if len(gaps) else []
+    left += [rrb.TextLogView(origin="gaps", name="gaps")] if gaps else []
     views = [rrb.TimeSeriesView(origin=_entity("curves", panel.title), name=panel.title) for panel in panels]
     views.append(rrb.TimeSeriesView(origin="status", name="status"))
     return rrb.Blueprint(rrb.Horizontal(

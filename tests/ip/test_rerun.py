@@ -24,7 +24,7 @@ quaternion[:5] = np.nan
 write_rerun(Path(sys.argv[1]), title="a run", time_s=time_s, frame="NED",
             panels=[Panel("height (m)", [Curve("log, own", values, points=True), Curve("line", -values)])],
             status={"at_rest": (np.arange(100) >= 20) & (np.arange(100) < 50)}, gaps=[(1.7e9 + 1, 1.7e9 + 1.5)],
-            attitudes={"hardware": quaternion},
+            attitudes={"hardware": quaternion, "log": np.full((100, 4), np.nan)},
             tracks={"hardware": (time_s[:3], np.array([[48.0, 11.0], [48.1, 11.0], [48.1, 11.2]]))})
 """
 
@@ -89,6 +89,7 @@ def test_everything_that_a_log_can_have(python, tmp_path):
     assert f"{entity}|SeriesPoints:names" in found
     assert r"/curves/height\ \(m\)/line|SeriesLines:names" in found
     assert len(found["/attitude/hardware|t"]) == 95
+    assert "/attitude/log|t" not in found
     assert found["/attitude/hardware|Transform3D:quaternion"][0, 0] == pytest.approx([0, 0, 0.8, 0.6])
     # In north, east, down: east, north and up.
     assert found["/attitude/directions|Arrows3D:vectors"][0].tolist() == [[0, 1, 0], [1, 0, 0], [0, 0, -1]]

@@ -132,6 +132,7 @@ def _print_summary(summary, output):
     for channel, own in summary.get("channels", {}).items():
         rows.append((f"channel {channel}: largest rotation angle to float64",
                      _figure(own["against_float64_reference_deg"]["max"], ".6f", "°") + f", {own['recording']}"))
+        rows += _recorded_rows(own, f"channel {channel}: ")
     if attitude := summary.get("against_float64_reference_deg"):
         rows += [("largest rotation angle to float64", _figure(attitude["max"], ".6f", "°")),
                  ("RMS rotation angle to float64", _figure(attitude["rms"], ".6f", "°"))]
@@ -143,14 +144,7 @@ def _print_summary(summary, output):
     for name, count in summary["updates_by_status"].items():
         if count:
             rows.append((f"updates with status: {name.replace('_', ' ')}", f"{count:,}"))
-    if recorded := summary.get("against_recorded_reference_deg"):
-        known = "" if recorded["heading_known"] or recorded["constant_heading_deg"] is None else (
-            f" (after turning the log's heading by {recorded['constant_heading_deg']:.2f}°; as logged RMS "
-            f"{recorded['total_rms_with_constant_heading']:.2f}°)")
-        angles = ", ".join(f"{name} {_figure(recorded[key], '.2f', '°')}" for name, key in (
-            ("RMS", "total_rms"), ("inclination", "inclination_rms"), ("heading", "heading_rms")))
-        rows.append((f"rotation angle to {recorded['reference']}",
-                     f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample"))
+    rows += _recorded_rows(summary)
     if exact := summary.get("against_exact_rotations_deg"):
         rows.append(("largest rotation angle to exact rotations", _figure(exact["max"], ".6f", "°")))
     for title, unit, key in ("position", " m", "position_m"), ("velocity", " m/s", "velocity_m_s"):
@@ -166,6 +160,20 @@ def _print_summary(summary, output):
                  ("open it with", f"gtkwave {output / waves['file']}, or surfer {output / waves['file']}")]
     rows.append(("written to", str(output)))
     show_table(rows)
+
+
+def _recorded_rows(summary, prefix=""):
+    """How far the attitude is from that of the log."""
+    recorded = summary.get("against_recorded_reference_deg")
+    if recorded is None:
+        return []
+    known = "" if recorded["heading_known"] or recorded["constant_heading_deg"] is None else (
+        f" (after turning the log's heading by {recorded['constant_heading_deg']:.2f}°; as logged RMS "
+        f"{recorded['total_rms_with_constant_heading']:.2f}°)")
+    angles = ", ".join(f"{name} {_figure(recorded[key], '.2f', '°')}" for name, key in (
+        ("RMS", "total_rms"), ("inclination", "inclination_rms"), ("heading", "heading_rms")))
+    return [(f"{prefix}rotation angle to {recorded['reference']}",
+             f"{angles}{known}" if recorded["samples"] else "none: it has no valid sample")]
 
 
 def _time_rows(time):
