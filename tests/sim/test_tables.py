@@ -280,6 +280,27 @@ def test_rates_that_contradict_the_force_are_told(tmp_path):
                         note)
 
 
+def test_rows_of_one_sensor_each(tmp_path):
+    """As apps write that append a row for each event: cells of other sensors are empty."""
+    head = "time (ms)," + axes("gyro{} (deg/s)") + "," + axes("acc{} (m/s^2)") + "," + axes("mag{} (uT)")
+    rows, rise = [], np.array([0.01, 0, 0])
+    for k in range(COUNT):
+        rows += [f"{10 * k},{cells(RATE)},,,,,,", f"{10 * k + 3},,,,{cells(FORCE + k * rise)},,,"]
+        if k % 5 == 0:
+            rows.append(f"{10 * k + 4},,,,,,,{cells(FIELD)}")
+    path = tmp_path / "flight.csv"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    recording = read_recording(path)
+    assert recording.sample_rate_hz == pytest.approx(100)
+    # The force is that of 3 ms later, and rises by 0.01 m/s^2 in 10 ms.
+    assert recording.accel[5] == pytest.approx(FORCE + 4.7 * rise)
+    assert np.flatnonzero(recording.mag_new).tolist() == list(range(0, COUNT, 5))
+    assert recording.timing.faults == {}
+    path.write_text("\n".join([head, *rows, f"99000,{cells(RATE)},,,,,,"]) + "\n", encoding="utf-8")
+    with pytest.raises(RecordingError, match=rf"line {len(rows) + 2}: gap of 98\.6 s"):
+        read_recording(path)
+
+
 # Xsens ---------------------------------------------------------------------------------------------------------------
 
 XSENS = "PacketCounter,SampleTimeFine,Year,Second," + axes("Acc_{}") + "," + axes("Gyr_{}")

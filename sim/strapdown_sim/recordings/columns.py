@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -357,7 +358,17 @@ def streams_of(table: Table, columns: Columns, time_s: np.ndarray, *, units: Map
                 continue
             values, unit = scaled(table, columns.of[kind], units)
             streams.append(Stream(kind, name or columns.of[kind][0].source, time_s, values, unit))
-    return streams
+    return _apart(streams)
+
+
+def _apart(streams):
+    """Streams of their own rows, where each row holds a sample of one sensor, and the cells of others are empty."""
+    rows = {stream.kind: np.isfinite(stream.values).all(axis=1) for stream in streams}
+    if GYRO not in rows or ACCEL not in rows or 2 * (rows[GYRO] & rows[ACCEL]).sum() >= min(
+            rows[GYRO].sum(), rows[ACCEL].sum()):
+        return streams
+    return [replace(stream, time_s=stream.time_s[rows[stream.kind]], values=stream.values[rows[stream.kind]])
+            for stream in streams]
 
 
 def _unknown(unit):

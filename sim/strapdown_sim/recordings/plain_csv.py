@@ -95,11 +95,14 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
                    if stream.kind in dialect.signs else stream for stream in streams]
     streams += _beside(table, found, notes)
     if ATTITUDE in found.of:
-        force = next(stream.values for stream in streams if stream.kind == ACCEL)
-        streams += attitude_streams(found.of[ATTITUDE][0].source, time_s, scaled(table, found.of[ATTITUDE])[0], force,
-                                    "file", notes)
+        force = next(stream for stream in streams if stream.kind == ACCEL)
+        streams += attitude_streams(found.of[ATTITUDE][0].source, time_s, scaled(table, found.of[ATTITUDE])[0],
+                                    interpolated(time_s, force.time_s, force.values), "file", notes)
+    lines = np.array(table.lines)
+    if len(streams[0].time_s) < len(lines):
+        lines = lines[np.isfinite(table.values[:, [column.number for column in found.of[GYRO]]]).all(axis=1)]
     return Log(table.path, "table of text", tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
-               place=lambda row: f"line {table.lines[row]}")
+               place=lambda row: f"line {lines[row]}")
 
 
 def _xsens(table, found, sample_rate_hz):
