@@ -385,6 +385,15 @@ def imu_messages(types, stamps, *, orientation=True):
             magnetic_field_covariance=none)
 
 
+def write_messages(bag, store, serialize, messages):
+    """Write messages into a bag of ROS 1 or ROS 2. They arrive 3 ms after their stamps."""
+    connections = {}
+    for topic, kind, stamp, message in messages:
+        if topic not in connections:
+            connections[topic] = bag.add_connection(topic, kind, typestore=store)
+        bag.write(connections[topic], stamp + 3_000_000, serialize(message, kind))
+
+
 STAMPS = [1_700_000_000 * 10**9 + 10**7 * k for k in range(COUNT)]
 
 
@@ -406,11 +415,7 @@ def test_ros1_bag(tmp_path, orientation):
 
     store = get_typestore(Stores.ROS1_NOETIC)
     with Writer(tmp_path / "one.bag") as bag:
-        connections = {}
-        for topic, kind, stamp, message in imu_messages(store.types, STAMPS, orientation=orientation):
-            if topic not in connections:
-                connections[topic] = bag.add_connection(topic, kind, typestore=store)
-            bag.write(connections[topic], stamp + 3_000_000, store.serialize_ros1(message, kind))
+        write_messages(bag, store, store.serialize_ros1, imu_messages(store.types, STAMPS, orientation=orientation))
     ros_check((tmp_path / "one.bag").rename(tmp_path / "without_suffix"), orientation)
 
 
@@ -423,11 +428,7 @@ def ros1_bag(path, compression=None):
     if compression:
         bag.set_compression(Writer.CompressionFormat[compression])
     with bag:
-        connections = {}
-        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
-            if topic not in connections:
-                connections[topic] = bag.add_connection(topic, kind, typestore=store)
-            bag.write(connections[topic], stamp, store.serialize_ros1(message, kind))
+        write_messages(bag, store, store.serialize_ros1, imu_messages(store.types, STAMPS))
     return path.read_bytes()
 
 
@@ -463,13 +464,9 @@ def test_ros1_bag_with_an_old_magnetometer(tmp_path):
     store = get_typestore(Stores.ROS1_NOETIC)
     vector = "geometry_msgs/msg/Vector3Stamped"
     with Writer(tmp_path / "one.bag") as bag:
-        connections = {}
-        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
-            if topic == "/imu/mag":
-                kind, message = vector, store.types[vector](header=message.header, vector=message.magnetic_field)
-            if topic not in connections:
-                connections[topic] = bag.add_connection(topic, kind, typestore=store)
-            bag.write(connections[topic], stamp, store.serialize_ros1(message, kind))
+        write_messages(bag, store, store.serialize_ros1, (
+            each if each[0] != "/imu/mag" else (each[0], vector, each[2], store.types[vector](
+                header=each[3].header, vector=each[3].magnetic_field)) for each in imu_messages(store.types, STAMPS)))
     check(read_recording(tmp_path / "one.bag"), field=FIELD * 1e-6, atol=1e-4)
 
 
@@ -483,11 +480,7 @@ def test_compressed_ros2_bag(tmp_path, storage, mode):
     bag = Writer(tmp_path / "two", version=9, storage_plugin=StoragePlugin[storage])
     bag.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with bag:
-        connections = {}
-        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
-            if topic not in connections:
-                connections[topic] = bag.add_connection(topic, kind, typestore=store)
-            bag.write(connections[topic], stamp, store.serialize_cdr(message, kind))
+        write_messages(bag, store, store.serialize_cdr, imu_messages(store.types, STAMPS))
     ros_check(tmp_path / "two")
     alone = next(file for file in (tmp_path / "two").iterdir() if file.suffix != ".yaml")
     ros_check(alone)
@@ -525,11 +518,7 @@ def test_ros2_bag(tmp_path, storage, alone):
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with Writer(tmp_path / "two", version=9, storage_plugin=StoragePlugin[storage]) as bag:
-        connections = {}
-        for topic, kind, stamp, message in imu_messages(store.types, STAMPS):
-            if topic not in connections:
-                connections[topic] = bag.add_connection(topic, kind, typestore=store)
-            bag.write(connections[topic], stamp, store.serialize_cdr(message, kind))
+        write_messages(bag, store, store.serialize_cdr, imu_messages(store.types, STAMPS))
     path = tmp_path / "two"
     if alone:
         path = next(file for file in path.iterdir() if file.suffix in (".db3", ".mcap"))

@@ -134,6 +134,13 @@ def test_programs(tmp_path, program):
     check(read_recording(path), field)
 
 
+def test_biases_are_no_rates(tmp_path):
+    """The ground truth of EuRoC has biases of a gyro and an accelerometer."""
+    head = "#timestamp [ns]," + axes("b_w_RS_S_{} [rad s^-1]").lower() + "," + axes("b_a_RS_S_{} [m s^-2]").lower()
+    with pytest.raises(RecordingError, match="no column 'Gyroscope X'"):
+        read_recording(write(tmp_path / "data.csv", head, "{us},{rps},{mss}"))
+
+
 PLAIN = "Time (s)," + axes("Gyro {} (°/s)") + "," + axes("Acc {} (m/s²)"), "{s},{dps},{mss}"
 
 

@@ -23,7 +23,7 @@ NAMES = {TIME: "Time", COUNTER: "Packet number", GYRO: "Gyroscope", ACCEL: "Acce
 
 AXES = {GYRO: "xyz", ACCEL: "xyz", MAG: "xyz", ATTITUDE: "wxyz"}
 
-_TIMES = {"t", "times", "epoch", "epoc", "elapsed", "millis", "micros", "secondselapsed", "gpstow", "tow"}
+_TIMES = {"t", "epoch", "epoc", "elapsed", "millis", "micros", "secondselapsed", "gpstow", "tow"}
 """Names of times without "time" in them."""
 
 _TIME_UNITS = {"millis": "ms", "micros": "us", "secondselapsed": "s", "gpstow": "s", "tow": "s"}
@@ -35,7 +35,6 @@ _RANKS = (("uncal", 2), ("raw", 1), ("linear", 1), ("filtered", 1), ("user", 3),
           ("free", 3))
 """Words that make a source less wanted where there are several."""
 
-
 _EXCLUDED = {"bias", "offset", "cov", "covariance", "variance", "std", "temp", "temperature", "integral", "dt", "debug",
              "setpoint", "norm", "magnitude", "abs", "absolute", "angle", "uncertainty", "error", "increment"}
 """Words of columns that hold no samples."""
@@ -45,6 +44,7 @@ _NO_SENSOR = {"gravity", "linear", "user", "free", "velocity", "position", "angl
 
 _TAILS = {"axis", "cal"}
 """Words after the axis that say nothing about it."""
+
 
 class Column(NamedTuple):
     """A column: quantity, axis (empty for time), name of the source, unit as written, number in the table."""
@@ -89,7 +89,7 @@ def _kind(words):
         return COUNTER
     if _EXCLUDED.intersection(words):
         return None
-    if text in _TIMES or text.startswith(("time", "times")) or text.endswith("time") or "timestamp" in text or \
+    if text in _TIMES or text.startswith("time") or text.endswith("time") or "timestamp" in text or \
             text.endswith("stamp"):
         return TIME
     if "gyr" in text or "angularvel" in text or "angularrate" in text or "rotationrate" in text or \
@@ -157,8 +157,8 @@ OTHER_TIME = "of its unit"
 
 
 def _kind_of_unit(unit, words):
-    """Quantity of a column whose name says none."""
-    if unit is None or (_EXCLUDED | _NO_SENSOR).intersection(words):
+    """Quantity of a column whose name says none. A leading b, as in b_w_RS_S_x, stands for a bias."""
+    if unit is None or (_EXCLUDED | _NO_SENSOR).intersection(words) or words[:1] == ["b"]:
         return None
     return quantity(unit)
 

@@ -13,10 +13,10 @@ from .table import Table
 from .turning import AGREEMENT, RATIO, turning
 from .units import UNITS
 
-__all__ = ["PHONE_UNITS", "Dialect", "dialect_of", "rate_unit", "units_of_values"]
+__all__ = ["SI_UNITS", "Dialect", "dialect_of", "rate_unit", "units_of_values"]
 
-PHONE_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "uT"}
-"""Units of files of Sensor Logger, which do not name them."""
+SI_UNITS = {GYRO: "rad/s", ACCEL: "m/s^2", MAG: "uT"}
+"""Units of phones, which files of Sensor Logger do not name, and of many programs."""
 
 FRD = (1.0, -1.0, -1.0)
 
@@ -42,12 +42,12 @@ class Dialect(NamedTuple):
 
 
 DIALECTS = (
-    Dialect("ROS", (r".*angular_velocity[._/]x", r".*linear_acceleration[._/]x"), PHONE_UNITS | {MAG: "T"}, {}),
-    Dialect("ArduPilot", ("timeus", "gyrx", "accx"), PHONE_UNITS | {MAG: "mG"}, dict.fromkeys((GYRO, ACCEL, MAG), FRD)),
+    Dialect("ROS", (r".*angular_velocity[._/]x", r".*linear_acceleration[._/]x"), SI_UNITS | {MAG: "T"}, {}),
+    Dialect("ArduPilot", ("timeus", "gyrx", "accx"), SI_UNITS | {MAG: "mG"}, dict.fromkeys((GYRO, ACCEL, MAG), FRD)),
     Dialect("3-Space", ("chiptimeus", "rawgyrox", "rawaccelx"), {GYRO: "rad/s", ACCEL: "g", MAG: "G"}, {}),
     # Core Motion of iOS gives gravity less acceleration.
     Dialect("SensorLog", (r"loggingtime.*", r"accelerometeraccelerationx.*"), {}, {ACCEL: (-1.0, -1.0, -1.0)}),
-    Dialect("Physics Toolbox", ("gfx", "wx"), PHONE_UNITS | {ACCEL: "g"}, {}),
+    Dialect("Physics Toolbox", ("gfx", "wx"), SI_UNITS | {ACCEL: "g"}, {}),
     Dialect("MicroStrain", (r"x accel \[x8004\]", r"x gyro \[x8005\]"), {GYRO: "rad/s", ACCEL: "g", MAG: "G"}, {}),
 )
 

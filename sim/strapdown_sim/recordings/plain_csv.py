@@ -101,7 +101,8 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
     lines = np.array(table.lines)
     if len(streams[0].time_s) < len(lines):
         lines = lines[np.isfinite(table.values[:, [column.number for column in found.of[GYRO]]]).all(axis=1)]
-    return Log(table.path, "table of text", tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
+    form = f"table of text, {dialect.name}" if dialect else "table of text"
+    return Log(table.path, form, tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
                place=lambda row: f"line {lines[row]}")
 
 

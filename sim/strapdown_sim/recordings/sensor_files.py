@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from .columns import TIME, columns_of, scaled, seconds, streams_of
-from .dialects import PHONE_UNITS
+from .dialects import SI_UNITS
 from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated
 from .plain_csv import attitude_streams, kind_of_name, table_log
 from .recording import RecordingError
@@ -113,7 +113,7 @@ def _merged(path, files):
         used.append(table.path)
         time_s = seconds(table, columns.of[TIME][0], origin)
         # A file of a phone without units is one of Sensor Logger.
-        streams += streams_of(table, columns, time_s, units=PHONE_UNITS, name=name)
+        streams += streams_of(table, columns, time_s, units=SI_UNITS, name=name)
         if ATTITUDE in columns.of:
             attitudes.append((name, time_s, scaled(table, columns.of[ATTITUDE])[0]))
     forces = [stream for stream in streams if stream.kind == ACCEL]
@@ -161,7 +161,7 @@ def _has_gravity(stream):
 
 def _with_gravity(stream, table, origin):
     columns = columns_of(table, default=ACCEL)
-    values, _ = scaled(table, columns.of[ACCEL], PHONE_UNITS)
+    values, _ = scaled(table, columns.of[ACCEL], SI_UNITS)
     time_s = seconds(table, columns.of[TIME][0], origin)
     added = interpolated(stream.time_s, time_s, values)
     return Stream(ACCEL, stream.name, stream.time_s, stream.values + added, stream.unit)
