@@ -8,13 +8,14 @@ __all__ = ["TwinModel"]
 
 
 class TwinModel:
-    """In place of a CoreModel."""
+    """In place of a CoreModel; it keeps no waves."""
 
-    def __init__(self, core, verilog, build):
+    def __init__(self, core, verilog, build, *, waves):
+        assert not waves
         assert Path(verilog).exists()
         self.core = core
 
-    def update(self, inputs, *, progress):
+    def update(self, inputs, *, waves, progress):
         system, engine = self.core.system, self.core.engine
         result, _ = system.run(engine.program.schedule.pool, inputs)
         count = len(next(iter(inputs.values())))

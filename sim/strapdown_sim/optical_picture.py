@@ -83,9 +83,17 @@ def _mark_run(axes, counts, threshold, centre, width):
 
 
 def run_begin(counts, threshold, centre, width):
-    """First pixel of the run above a threshold that holds a centre and has a width; pixels."""
-    above = np.flatnonzero(counts > threshold)
-    return next(int(first) for first in above if first <= centre < first + width and first + width - 1 in above)
+    """First pixel of the run above a threshold that has a centre and a width; pixels.
+
+    A finder cuts long runs, so runs may touch. Of the places where a run of this width can begin, it is that with the
+    nearest centre of gravity.
+    """
+    weight = np.maximum(counts.astype(int) - threshold, 0)
+    total, moment = (np.concatenate([[0], np.cumsum(sums)]) for sums in (weight, weight * np.arange(len(weight))))
+    first = np.flatnonzero(weight[:len(weight) - width + 1] * weight[width - 1:])
+    first = first[(first <= centre) & (centre < first + width)]
+    found = (moment[first + width] - moment[first]) / (total[first + width] - total[first])
+    return int(first[np.argmin(np.abs(found - centre))])
 
 
 def _stack(axes, lines, own):

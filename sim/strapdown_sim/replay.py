@@ -153,11 +153,11 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         raise ConfigError(f"{module} has no attitude, and a bag holds an attitude")
     with written_together(Path(directory)) as partial:
         verilog = write_core(core, config, partial, _command(command, module, config))
-        kept: dict = {} if stretch is None else {"waves": _waves(partial / WAVES, recording, stretch)}
-        model = CoreModel(core, verilog, build, **dict.fromkeys(kept, True))
+        model = CoreModel(core, verilog, build, waves=stretch is not None)
         progress("build", 1, 1)
 
-        result = model.update(inputs, progress=lambda done: progress("simulate", done, count), **kept)
+        result = model.update(inputs, waves=None if stretch is None else _waves(partial / WAVES, recording, stretch),
+                              progress=lambda done: progress("simulate", done, count))
 
         progress("compare", 0, 2)
         outputs, differing = system.read(result), model.differing_bits(inputs, result)

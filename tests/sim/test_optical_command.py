@@ -16,6 +16,7 @@ from strapdown_sim.instrument.errors import InstrumentError
 from strapdown_sim.instrument.scene import camera_options
 from strapdown_sim.optical_page import lost_lines
 from strapdown_sim.optical_picture import angles_picture as picture
+from strapdown_sim.optical_picture import run_begin
 from strapdown_sim.recordings import RecordingError
 from strapdown_sim.recordings.lines import FULL_SCALE, read_lines
 
@@ -108,6 +109,14 @@ def check_page(text, table):
             assert np.average(above, weights=weights) == pytest.approx(view["centre"][update], abs=1e-3)
     assert "<th>bits that differ from the twin</th><td>0</td>" in text
     assert "roll missing" in text
+
+
+@pytest.mark.parametrize("begin", [0, 250, 700])
+def test_the_begin_of_a_run_among_runs_that_touch(begin):
+    """All pixels are above the threshold, and a run of 300 of them is looked for."""
+    counts = np.random.default_rng(begin).integers(200, 4000, 1000).astype(np.uint16)
+    run = np.arange(begin, begin + 300)
+    assert run_begin(counts, 150, np.average(run, weights=counts[run] - 150.0), 300) == begin
 
 
 def test_numbers_of_lines_tell_which_are_lost():

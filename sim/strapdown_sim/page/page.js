@@ -116,13 +116,17 @@
       context.strokeStyle = "#e0a458";
       context.fillStyle = "#8a6020";
       context.textAlign = "left";
+      let below = Infinity;
       Object.entries(sensor.levels).forEach(([name, levels]) => {
         const height = y(levels[index]);
         context.beginPath();
         context.moveTo(left, height);
         context.lineTo(right, height);
         context.stroke();
+        // A name that would cover the one below it is left out.
+        if (below - height < 22) return;
         context.fillText(name, left + 4, height - 6);
+        below = height;
       });
       if (width) {
         context.strokeStyle = "#cc6633";
