@@ -581,8 +581,11 @@ def test_x_imu3(tmp_path):
     inertial = text(tmp_path / "Inertial.csv", head, [[10_000 * k, *RATE, *FORCE / 9.80665] for k in range(COUNT)])
     field = text(tmp_path / "Magnetometer.csv", "Timestamp (us),X Axis (a.u.),Y Axis (a.u.),Z Axis (a.u.)",
                  [[52_000 * k, 0.5, 0.1 + k, -1] for k in range(9)])
+    text(tmp_path / "Quaternion.csv", "Timestamp (us),W Element,X Element,Y Element,Z Element",
+         [[20_000 * k, *QUATERNION] for k in range(COUNT // 2)])
     recording = read_recording(inertial)
     check(recording, field=[0.5, 0.1, -1])
+    assert recording.reference.quaternion[0] == pytest.approx(QUATERNION)
     assert np.flatnonzero(recording.mag_new).tolist() == [round(5.2 * k) for k in range(9)]
     with pytest.raises(RecordingError) as error:
         read_recording(field)

@@ -407,6 +407,11 @@ def test_a_folder_of_several_recordings_is_refused(tmp_path):
     check(read_recording(tmp_path))
 
 
+def test_a_folder_called_data_is_not_one_of_kitti(tmp_path):
+    write(tmp_path / "data" / "flight.txt", *PLAIN)
+    check(read_recording(tmp_path / "data"))
+
+
 def test_folders_without_a_recording_are_refused(tmp_path):
     with pytest.raises(RecordingError, match=r"the folder is empty$"):
         read_recording(tmp_path)

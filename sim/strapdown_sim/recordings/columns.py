@@ -42,7 +42,7 @@ _EXCLUDED = {"bias", "offset", "cov", "covariance", "variance", "std", "temp", "
 _NO_SENSOR = {"gravity", "linear", "user", "free", "velocity", "position", "angle", "target", "reference"}
 """Words of columns that hold no samples although their unit is one of a sensor."""
 
-_TAILS = {"axis", "cal"}
+_TAILS = {"axis", "cal", "element"}
 """Words after the axis that say nothing about it."""
 
 

@@ -26,14 +26,21 @@ def is_kitti(path, head):
     """Whether a folder has records, or a file holds one."""
     if path.is_dir():
         return _records(path) is not None
+    return _is_record(head)
+
+
+def _is_record(head):
     line = head.split(b"\n")[0].split()
     return len(line) == NUMBERS and all(re.fullmatch(rb"[-+0-9.eE]+", cell) for cell in line)
 
 
 def _records(path):
     """The folder with ``data`` and ``timestamps.txt`` in or above a folder, or None."""
-    places = [path / "oxts", path, path.parent]
-    return next((place for place in places if (place / "data").is_dir() and any((place / "data").glob("*.txt"))), None)
+    for place in path / "oxts", path, path.parent:
+        first = min((place / "data").glob("*.txt"), default=None)
+        if first is not None and _is_record(first.read_bytes()):
+            return place
+    return None
 
 
 def read_kitti(path):

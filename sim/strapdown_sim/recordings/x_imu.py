@@ -100,7 +100,7 @@ def _device_attitude(table, packets, path, rate):
         raise RecordingError(f"{path}: line {line}: {spacing[row]} samples since the previous quaternion instead "
                              f"of {typical:g}: packets are missing; cut both files there")
     # The device gives earth relative to sensor, and a heading relative to its start.
-    return Stream(ATTITUDE, path.name, sample / rate, device[_QUATERNION][inside] * (1, -1, -1, -1), frame="NWU",
+    return Stream(ATTITUDE, path.stem, sample / rate, device[_QUATERNION][inside] * (1, -1, -1, -1), frame="NWU",
                   heading_known=False, meaning="the device's own estimate")
 
 
