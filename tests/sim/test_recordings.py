@@ -384,6 +384,19 @@ def test_a_last_line_that_was_cut_off_is_left_out(file):
     assert len(read_recording(write(file, header(), [*rows(), ["0.04", "1"]])).time_s) == 4
 
 
+def test_a_few_damaged_lines_are_left_out(file):
+    body = [still(f"{k / 100}", f"{k},0,0") for k in range(300)]
+    body[100], body[200], body[250][3] = ["1.0", "10"], ["2.0", *"123456789"], "1;2"
+    recording = read_recording(table(file, body))
+    assert recording.notes == ("damaged lines, left out: 2; the first is line 102 has 2 cells, the header 7",)
+    assert recording.timing.faults == {"gyro samples that are not numbers, bridged": 1, "gaps, bridged": 3,
+                                       "samples lost, filled in on a line": 3}
+    assert recording.gyro_deg_s[:, 0] == pytest.approx(np.arange(300))
+    body[20:30] = [["0"]] * 10
+    with pytest.raises(RecordingError, match=r"line 22 has 1 cells, the header 7; complete or delete it$"):
+        read_recording(table(file, body))
+
+
 @pytest.mark.parametrize(("before", "unit", "one_g"), [
     ('"Product","Blackbox flight data recorder by Nicholas Sherlock"\n"minthrottle",1070\n"acc_1G",500\n', "", 500),
     ("", " (us)", 512)])

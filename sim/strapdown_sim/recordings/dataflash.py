@@ -57,6 +57,11 @@ SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 WANTED = re.compile(r"(IMU|MAG|GYR|ACC)\d?|ATT|AHR2|[XNE]KF1|GPS|BARO")
 
 
+def _size(letter):
+    """Bytes of a field; so many of an unknown one that no message has them."""
+    return np.dtype(TYPES.get(letter, "V256")).itemsize * (32 if letter == "a" else 1)
+
+
 class Format(NamedTuple):
     """A message: length in bytes, letters of its fields, and their names."""
 
@@ -99,7 +104,7 @@ def _binary(data):
             number, size = data[at + 3], data[at + 4]
             name, letters, labels = (data[at + first:at + last].split(b"\0")[0].decode("ascii", "replace")
                                      for first, last in ((5, 9), (9, 25), (25, 89)))
-            if size > 3 and all(letter in TYPES for letter in letters):
+            if len(letters) == len(labels.split(",")) and size == 3 + sum(map(_size, letters)):
                 formats[number], names[number] = size, (name, Format(size, letters, labels.split(",")))
         elif kind in names and WANTED.fullmatch(names[kind][0]):
             places.setdefault(kind, []).append(at)

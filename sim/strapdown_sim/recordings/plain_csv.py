@@ -65,7 +65,7 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         return x_imu_log(table, found, sample_rate_hz, reference)
     if reference is not None:
         raise RecordingError(f"{table.path}: only x-IMU exports have a separate reference; leave it out")
-    dialect, notes = dialect_of(table), list(ignored_note(table, found))
+    dialect, notes = dialect_of(table), [*table.notes, *ignored_note(table, found)]
     stamped, rate, units = True, None, dict(dialect.units) if dialect else {}
     if xsens is not None:
         time_s, stamped, units = xsens

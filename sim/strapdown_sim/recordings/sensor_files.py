@@ -106,18 +106,20 @@ def _merged(path, files):
     first = alone or whole[0]
     times = columns_of(first, default=kind_of_name(first.path)).of.get(TIME)
     origin = first.values[0, times[0].number] if times else None
+    damaged: list[str] = []
     streams, attitudes, used = [] if log is None else list(log.streams), [], [first.path] * (log is not None)
     for name, table, columns in found:
         if table.path in used or any(stream.name == name for stream in streams) or (log and ACCEL in columns.of):
             continue
         used.append(table.path)
+        damaged += [f"{table.path.name}: {note}" for note in table.notes]
         time_s = seconds(table, columns.of[TIME][0], origin)
         # A file of a phone without units is one of Sensor Logger.
         streams += streams_of(table, columns, time_s, units=SI_UNITS, name=name)
         if ATTITUDE in columns.of:
             attitudes.append((name, time_s, scaled(table, columns.of[ATTITUDE])[0]))
     forces = [stream for stream in streams if stream.kind == ACCEL]
-    notes = [] if log is None else list(log.notes)
+    notes = [*damaged, *(() if log is None else log.notes)]
     if forces and gravity is not None and not _has_gravity(forces[0]):
         forces[0] = _with_gravity(forces[0], gravity, origin)
         notes.append(f"gravity of {gravity.path.name} is added to {forces[0].name}")

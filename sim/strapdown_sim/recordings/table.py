@@ -28,6 +28,9 @@ HEAD_BYTES = 4096
 SAMPLES = 16
 """One more than the lines from which the number of columns is found."""
 
+FEW = 0.01
+"""Share of damaged lines, and of damaged cells of a column, that is left out like lost samples."""
+
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "+nan", "-nan"}
 """Cells without a number, in lower case."""
 
@@ -50,9 +53,12 @@ class Table:
     columns : dict
         Maps names that the reader knows to columns.
     unreadable : dict
-        Maps a column to the line and the text of its first cell that is neither a number, nor empty, nor a word.
+        Maps a column to the line and the text of its first cell that is neither a number, nor empty, nor a word, if
+        there are more than a few.
     moments : frozenset of int
         Columns of dates and times of day, which are seconds in ``values``.
+    notes : tuple of str
+        On lines that are damaged, and left out.
     """
 
     path: Path
@@ -63,6 +69,7 @@ class Table:
     columns: dict[str, int]
     unreadable: dict[int, tuple[int, str]] = field(default_factory=dict)
     moments: frozenset[int] = frozenset()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, names):
         """Values of one known column, shape (N,), or of several, shape (N, len(names))."""
@@ -102,7 +109,8 @@ def parse_table(path: Path, text: str) -> Table:
     start, names, delimiter, comma, comments = _layout(path, lines)
     width, cells, numbers, count = len(names), array("d"), array("q"), 0
     unreadable: dict[int, tuple[int, str]] = {}
-    moments: set[int] = set()
+    bad: Counter[int] = Counter()
+    damaged, moments = [], set[int]()
     for number, line in enumerate(lines[start:], start + 1):
         if not line.strip() or line.lstrip().startswith(COMMENT):
             continue
@@ -113,22 +121,26 @@ def parse_table(path: Path, text: str) -> Table:
             # The logger was switched off while it wrote the last line.
             break
         if len(row) != width:
-            raise RecordingError(f"{path}: line {number} has {len(row)} cells, the header {width}; complete or delete "
-                                 "it")
+            damaged.append(f"line {number} has {len(row)} cells, the header {width}")
+            continue
         try:
             cells.extend(map(float, row) if not comma else (float(cell.replace(",", ".")) for cell in row))
         except ValueError:
             del cells[count * width:]
-            cells.extend(_number(cell, comma, number, column, unreadable, moments) for column, cell in enumerate(row))
+            cells.extend(_number(cell, comma, number, column, unreadable, bad, moments) for column, cell in enumerate(row))
         numbers.append(number)
         count += 1
+    if len(damaged) > FEW * count:
+        raise RecordingError(f"{path}: {damaged[0]}; complete or delete it")
     if count < 2:
         raise RecordingError(f"{path}: {count} rows of numbers; at least 2 are needed, below a line with their names")
     values = np.frombuffer(cells, float).reshape(count, width)
-    return Table(path, names, values, numbers, comments, {}, unreadable, frozenset(moments))
+    notes = (f"damaged lines, left out: {len(damaged)}; the first is {damaged[0]}",) if damaged else ()
+    unreadable = {column: first for column, first in unreadable.items() if bad[column] > FEW * count}
+    return Table(path, names, values, numbers, comments, {}, unreadable, frozenset(moments), notes)
 
 
-def _number(cell, comma, line, column, unreadable, moments):
+def _number(cell, comma, line, column, unreadable, bad, moments):
     """The number in a cell; NaN without one."""
     text = cell.strip()
     try:
@@ -141,6 +153,7 @@ def _number(cell, comma, line, column, unreadable, moments):
     # Words, such as a flag or a name, are no numbers of the recording.
     if text.casefold() not in EMPTY and not re.match(r"[A-Za-z\"']", text):
         unreadable.setdefault(column, (line, cell))
+        bad[column] += 1
     return np.nan
 
 

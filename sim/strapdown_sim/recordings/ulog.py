@@ -18,7 +18,7 @@ topic                                  fields                    stream
 =====================================  ========================  ==========================================
 """
 
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from io import StringIO
 
 import numpy as np
@@ -63,7 +63,7 @@ def read_ulog(path):
         raise RecordingError(f"{path}: not a ULog file that can be read ({type(error).__name__}: {error})") from None
     topics = {}
     for data in log.data_list:
-        if len(data.data["timestamp"]) > 1:
+        if len(data.data.get("timestamp", ())) > 1:
             topics[data.name, data.multi_id] = data.data
     streams = streams_of_topics(topics)
     if not any(stream.kind == GYRO for stream in streams):
@@ -89,7 +89,12 @@ class _Streams:
         self._origin = int(min(first, default=0))
 
     def all(self):
-        return [*self._combined(), *self._imus(), *self._raw(), *self._fields(), *self._others()]
+        found = []
+        for part in self._combined, self._imus, self._raw, self._fields, self._others:
+            # A topic without one of its fields is damaged, or of another version.
+            with suppress(KeyError):
+                found += part()
+        return found
 
     def _named(self, name):
         return [(instance, data) for (topic, instance), data in sorted(self._topics.items()) if topic == name]
