@@ -224,6 +224,18 @@ def test_estimates_of_dataflash(tmp_path, monkeypatch, message):
     assert reference.quaternion[0] == pytest.approx([np.cos(np.radians(15)), np.sin(np.radians(15)), 0, 0])
 
 
+def test_dataflash_with_other_fields(tmp_path, monkeypatch):
+    """A message of another version, which lacks a field, is left out."""
+    monkeypatch.setitem(DATAFLASH, "ATT", (102, "Qcc", "TimeUS,Roll,Pitch"))
+    messages = [each if each[0] != "ATT" else each[:-1] for each in ardupilot()]
+    assert read_recording(dataflash(tmp_path / "log", messages)).reference is None
+
+
+def test_ulog_with_other_fields(tmp_path):
+    formats = ULOG_FORMATS | {"vehicle_attitude": "uint64_t timestamp;float[4] quaternion;"}
+    assert read_recording(ulog(tmp_path / "flight", px4(), formats)).reference is None
+
+
 def test_dataflash_without_time_is_refused(tmp_path, monkeypatch):
     monkeypatch.setitem(DATAFLASH, "IMU", (100, "ffffff", "GyrX,GyrY,GyrZ,AccX,AccY,AccZ"))
     with pytest.raises(RecordingError, match="no IMU messages with a time"):
@@ -353,6 +365,9 @@ def test_blackbox_of_full_frames(tmp_path):
 
 def test_blackbox_with_damaged_headers_is_refused(tmp_path):
     (tmp_path / "log.bbl").write_bytes(BLACKBOX_HEAD[:BLACKBOX_HEAD.index(b"H Field I encoding") + 22])
+    with pytest.raises(RecordingError, match=r"the headers of log 1 are damaged, or the file is cut off$"):
+        read_recording(tmp_path / "log.bbl")
+    (tmp_path / "log.bbl").write_bytes(blackbox(9)[0].replace(b"0x3f8", b"0y3f8"))
     with pytest.raises(RecordingError, match=r"the headers of log 1 are damaged, or the file is cut off$"):
         read_recording(tmp_path / "log.bbl")
 

@@ -59,8 +59,8 @@ def read_blackbox(path, *, log=None):
     if "gyroADC[0]" not in wanted or "accSmooth[0]" not in wanted:
         raise RecordingError(f"{path}: log {number + 1} has no gyro and accelerometer; set blackbox_disable_acc = OFF")
     try:
-        decoder = _Decoder(headers, wanted)
-    except (KeyError, ValueError):
+        decoder, scale, unit = _Decoder(headers, wanted), _gyro_scale(headers), float(headers.get("acc_1G") or 0)
+    except (KeyError, ValueError, struct.error):
         raise RecordingError(f"{path}: the headers of log {number + 1} are damaged, or the file is cut off") from None
     values, damaged = decoder.decode(frames)
     if len(values) < 2:
@@ -71,11 +71,10 @@ def read_blackbox(path, *, log=None):
         return values[:, [wanted.index(f"{name}[{axis}]") for axis in range(3)]].astype(float)
 
     notes = []
-    unit = float(headers.get("acc_1G") or 0)
     if not unit:
         unit, note = one_g(vectors("accSmooth"))
         notes.append(note)
-    streams = [Stream(GYRO, "gyroADC", time_s, _gyro_scale(headers) * vectors("gyroADC"), "deg/s"),
+    streams = [Stream(GYRO, "gyroADC", time_s, scale * vectors("gyroADC"), "deg/s"),
                Stream(ACCEL, "gyroADC", time_s, STANDARD_GRAVITY / unit * vectors("accSmooth"), "g")]
     if "magADC[2]" in wanted and vectors("magADC").any():
         streams.append(Stream(MAG, "magADC", time_s, vectors("magADC"), "a.u."))

@@ -54,6 +54,11 @@ TYPES = {"a": "<i2", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "
 SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 """Factors that letters stand for."""
 
+FIELDS = {"IMU": ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"), "GYR": ("GyrX", "GyrY", "GyrZ"),
+          "ACC": ("AccX", "AccY", "AccZ"), "MAG": ("MagX", "MagY", "MagZ"), "ATT": ("Roll", "Pitch", "Yaw"), "GPS": (),
+          "BARO": ("Press",)}
+"""Fields of messages that are read; estimators have those of ATT."""
+
 WANTED = re.compile(r"(IMU|MAG|GYR|ACC)\d?|ATT|AHR2|[XNE]KF1|GPS|BARO")
 
 
@@ -79,7 +84,7 @@ def read_dataflash(path):
     """The Log of a DataFlash file. Raises: RecordingError."""
     data = path.read_bytes()
     messages, skipped = _binary(data) if data.startswith(START) else _text(data)
-    streams = _streams(_timed(messages))
+    streams = _streams(_whole(messages))
     if not any(stream.kind == GYRO for stream in streams):
         raise RecordingError(f"{path}: the log has no IMU messages with a time; set the IMU bits of LOG_BITMASK, "
                              "unless the file is cut off")
@@ -156,9 +161,11 @@ def _instances(messages, base):
                 yield name, message
 
 
-def _timed(messages):
-    """Messages with a time; those of logs before 2014 have none."""
-    return {name: message for name, message in messages.items() if "TimeUS" in message or "TimeMS" in message}
+def _whole(messages):
+    """Messages with a time, which those of logs before 2014 do not have, and with the fields that are read."""
+    return {name: message for name, message in messages.items()
+            if ("TimeUS" in message or "TimeMS" in message)
+            and all(field in message for field in FIELDS.get(name.rstrip("0123456789"), FIELDS["ATT"]))}
 
 
 def _streams(messages):

@@ -127,7 +127,8 @@ def parse_table(path: Path, text: str) -> Table:
             cells.extend(map(float, row) if not comma else (float(cell.replace(",", ".")) for cell in row))
         except ValueError:
             del cells[count * width:]
-            cells.extend(_number(cell, comma, number, column, unreadable, bad, moments) for column, cell in enumerate(row))
+            cells.extend(_number(cell, comma, number, column, unreadable, bad, moments)
+                         for column, cell in enumerate(row))
         numbers.append(number)
         count += 1
     if len(damaged) > FEW * count:
