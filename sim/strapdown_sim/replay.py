@@ -131,8 +131,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     Replay
 
     Raises: SimulatorMissingError without g++ or Verilator, MissingPlotlyError, MissingRosbagsError or MissingRerunError
-    without the package for what is asked, RecordingError if there is no sample in the stretch of ``waves``, and
-    ConfigError for a configuration of several channels, with inputs that a recording does not have, or without an
+    without the package for what is asked, RecordingError for a stretch of ``waves`` without samples, or with too many,
+    and ConfigError for a configuration of several channels, with inputs that a recording does not have, or without an
     attitude for a bag, before any file is made; ToolError if g++ or Verilator fails; OSError if files cannot be
     written.
     """
@@ -292,13 +292,20 @@ WAVES = "replay.vcd"
 """Name of the waveform."""
 
 
+MOST_WAVES = 2000
+"""Most updates of a waveform. One of the larger cores needs half a megabyte."""
+
+
 def _stretch(recording, from_s, to_s):
-    """The samples between two times, as a slice. Raises: RecordingError without one."""
+    """The samples between two times, as a slice. Raises: RecordingError without one, or with more than MOST_WAVES."""
     first, last = recording.time_s[[0, -1]]
     stretch = slice(*np.searchsorted(recording.time_s, [from_s, np.nextafter(to_s, np.inf)]).tolist())
     if stretch.start >= stretch.stop:
         raise RecordingError(f"{recording.name} has no sample between {from_s:g} and {to_s:g} s: choose a stretch of "
                              f"its time, {first:.6g} to {last:.6g} s")
+    if stretch.stop - stretch.start > MOST_WAVES:
+        raise RecordingError(f"{recording.name} has {stretch.stop - stretch.start:,} samples between {from_s:g} and "
+                             f"{to_s:g} s: choose a shorter stretch, with at most {MOST_WAVES:,} samples")
     return stretch
 
 

@@ -175,6 +175,15 @@ def test_waves_of_no_sample(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_waves_of_a_long_stretch(tmp_path, monkeypatch):
+    monkeypatch.setattr("strapdown_sim.replay.MOST_WAVES", 20)
+    recording = turning(np.repeat([0.01, 0.005], 30))
+    with pytest.raises(RecordingError, match=r"^turning has 21 samples between 0 and 0\.205 s: choose a shorter "
+                                             r"stretch, with at most 20 samples$"):
+        replay(recording, QUATERNION_J2, tmp_path / "out", build=tmp_path, command=(), waves=(0, 0.205))
+    assert not (tmp_path / "out").exists()
+
+
 def test_px4_tilt(shared_logs):
     recording = read_recording(shared_logs / "px4_small.ulg")
     truth = right_answer(recording, "flight")
