@@ -8,7 +8,7 @@ from functools import partial
 from itertools import product
 from typing import Any
 
-from strapdown.cordic import CordicAtan2, CordicSinCos, FixedAtan2
+from strapdown.cordic import CordicAtan2, CordicSinCos, FixedAtan2, TableAtan2
 from strapdown.fp import (
     BINARY16,
     BINARY32,
@@ -338,6 +338,10 @@ OPERATORS = (
                   Measured([(FLUSH,)], {"steps_per_cycle": (1,), "iterative": (False,)}, "arctangent", _is_flushed)),
         control=(Variants(_policies(FloatFormat(3, 1)), {"steps_per_cycle": (3,), "iterative": (False,)}),
                  Variants(_policies(FloatFormat(3, 1)), {"steps_per_cycle": (1, 3), "iterative": (True,)}))),
+    OperatorEntry(
+        TableAtan2, partial(special.flushed_table, TableAtan2, ("y", "x")), parameters={"format": FLUSH},
+        measured=(Measured([(FLUSH,)], {"degrees": (False, True)}, "arctangent by table"),),
+        control=(Variants([(FloatFormat(5, 9).with_subnormals("flush"),)], {"latency": (2, 9, 17)}),)),
     OperatorEntry(
         CordicSinCos, partial(special.sincos_table, CordicSinCos),
         choices={"iterative": (True, False), "steps_per_cycle": _PER_CYCLE},

@@ -10,8 +10,8 @@ from strapdown.fp import BINARY16, BINARY32, FixedToFp, Flags, FpToFixed, FpToFp
 from strapdown.markdown import markdown_table
 
 __all__ = ["FLAG_NAMES", "arctangent_tables", "binary_tables", "choice_table", "compare_tables",
-           "fixed_arctangent_table", "from_fixed_table", "legend", "number_text", "relation_table", "resize_tables",
-           "sincos_table", "table_reciprocal_table", "to_fixed_table", "unary_table"]
+           "fixed_arctangent_table", "flushed_table", "from_fixed_table", "legend", "number_text", "relation_table",
+           "resize_tables", "sincos_table", "table_reciprocal_table", "to_fixed_table", "unary_table"]
 
 FLUSHED = BINARY32.with_subnormals(Subnormals.FLUSH)
 SIGNALLING = BINARY32.infinity + 1
@@ -98,6 +98,13 @@ def binary_tables(component, title=None, names=("a", "b"), **options):
     return "\n\n".join([
         *([f"{title}:"] if title else []), _matrix(f"{names[0]} ↓ {names[1]} →", numbers, cells),
         "These results differ if subnormals are flushed:", markdown_table([*names, "gradual", "flushed"], different)])
+
+
+def flushed_table(component, names=("a", "b")):
+    """A table for an operator of two operands that flushes subnormals."""
+    numbers = _numbers(BINARY)
+    return _matrix(f"{names[0]} ↓ {names[1]} →", numbers,
+                   _evaluate(component(FLUSHED), (numbers[:, None], numbers[None, :])))
 
 
 def unary_table(component, **constants):

@@ -2,7 +2,7 @@
 
 import math
 
-__all__ = ["SCALE", "scaled_atan", "scaled_reciprocal_gain", "least_remainder", "round_shift"]
+__all__ = ["SCALE", "scaled_angle", "scaled_atan", "scaled_reciprocal_gain", "least_remainder", "round_shift"]
 
 SCALE = 256
 """Fraction bits of the integers from which constants are computed."""
@@ -41,6 +41,21 @@ def least_remainder(precision, exponent):
 def round_shift(value, bits):
     """value / 2**bits, rounded."""
     return (value + (1 << bits - 1)) >> bits
+
+
+def scaled_angle(y, x, scale):
+    """atan(y / x) of positive integers in units of 2**-scale; the last 8 bits are uncertain."""
+    # Half the angle has the tangent y / (x + sqrt(x**2 + y**2)); after eight halvings the series converges fast.
+    bits, halvings = scale + 32, 8
+    ratio = (y << bits) // x
+    for _ in range(halvings):
+        ratio = (ratio << bits) // ((1 << bits) + math.isqrt((1 << 2 * bits) + ratio * ratio))
+    square = ratio * ratio >> bits
+    terms: list[int] = []
+    while ratio:
+        terms.append(ratio // (2 * len(terms) + 1))
+        ratio = ratio * square >> bits
+    return (sum(terms[::2]) - sum(terms[1::2])) << halvings >> bits - scale
 
 
 def _atan_reciprocal(n):

@@ -5,8 +5,8 @@ from functools import cache
 
 import numpy as np
 from amaranth import *
-from amaranth.lib.memory import Memory
 
+from .parabolas import SCALE, Parabolas, parabolas
 from .pipeline import Pipeline, PipelinedOperator, pick
 from .stages import pack, unpack
 
@@ -15,16 +15,10 @@ __all__ = ["FpTableReciprocal"]
 INDEX_BITS = 8
 """Address bits of each half of the table: the intervals of one function."""
 OFFSET_BITS = 16
-"""Bits of t, the place inside an interval, a signed number from -1/2 to 1/2 without its ends."""
-FRACTIONS = 28, 25, 27
+"""Bits of the place inside an interval."""
+FRACTION_BITS = 28, 25, 27
 """Fraction bits of c0, c1 and c2. A result is from 1/2 to 1."""
-WIDTHS = 27, 17, 12
-"""Bits of c0, -c1 and c2 in the table; the highest bit of c0, which is always one, is not stored."""
-SLOPE_SHIFT = FRACTIONS[2] + OFFSET_BITS - FRACTIONS[1]
-"""c2 t has so many more fraction bits than c1."""
-VALUE_SHIFT = FRACTIONS[1] + OFFSET_BITS - FRACTIONS[0]
-"""u t has so many more fraction bits than c0."""
-PRECISION = FRACTIONS[1] - 1
+PRECISION = 24
 """The greatest precision of a format."""
 
 
@@ -86,10 +80,7 @@ class FpTableReciprocal(PipelinedOperator):
         by_root = 1 << INDEX_BITS | odd << INDEX_BITS - 1 | fraction >> OFFSET_BITS
         index = np.where(square_root, by_root, fraction >> OFFSET_BITS - 1)
         place = np.where(square_root, fraction, fraction << 1) & (1 << OFFSET_BITS) - 1
-        c0, c1, c2 = (np.array(column)[index] for column in zip(*_coefficients(fmt.precision), strict=True))
-        t = place - (1 << OFFSET_BITS - 1)
-        slope = (c1 << SLOPE_SHIFT) + c2 * t + (1 << SLOPE_SHIFT - 1) >> SLOPE_SHIFT
-        value = (c0 << VALUE_SHIFT) + slope * t >> FRACTIONS[0] + VALUE_SHIFT - fmt.precision
+        value = _table(fmt.precision).compute(index, place, fmt.precision)
 
         stored = np.where(square_root, (3 * fmt.bias - 2 - exponent + odd) // 2, 2 * fmt.bias - 1 - exponent)
         # The highest bit of a value below one is the hidden bit of its format; one carries into the exponent.
@@ -104,17 +95,15 @@ class FpTableReciprocal(PipelinedOperator):
         m = Module()
         fmt = self._format
         rank = self.ranks(m)
-        c0_width, c1_width, c2_width = WIDTHS
+        table = _table(fmt.precision)
 
         # The address needs no logic but the choice between the two halves.
         a = unpack(m, fmt, self.a, "a")
         fraction = Cat(C(0, PRECISION - fmt.precision), self.a.fraction)
         odd = ~self.a.exponent[0]
-        m.submodules.table = table = Memory(shape=sum(WIDTHS), depth=2 << INDEX_BITS, init=_words(fmt.precision),
-                                            attrs={"rom_style": "block"})
-        read = table.read_port()
         by_root = Cat(fraction[OFFSET_BITS:], odd)
-        m.d.comb += read.addr.eq(Cat(Mux(self.square_root, by_root, fraction[OFFSET_BITS - 1:]), self.square_root))
+        c0, c1, c2 = table.read(
+            m, "table", Cat(Mux(self.square_root, by_root, fraction[OFFSET_BITS - 1:]), self.square_root))
         place = Mux(self.square_root, fraction[:OFFSET_BITS], Cat(C(0, 1), fraction[:OFFSET_BITS - 1]))
 
         # The exponent of a result below one; that of 1 is one greater. Both constants are chosen before the sum.
@@ -126,18 +115,12 @@ class FpTableReciprocal(PipelinedOperator):
         carried = {**classes, "exponent": exponent}
         s = rank("table", **carried, place=place)
 
-        c0, c1, c2 = (read.data[:c0_width], read.data[c0_width:c0_width + c1_width], read.data[-c2_width:])
-        s = rank("word", **pick(s, carried), t=Cat(s.place[:-1], ~s.place[-1]), c0=c0, c1=c1, c2=c2)
-        t = s.t.as_signed()
-        s = rank("bend", **pick(s, carried), t=t, c0=s.c0, c1=s.c1, bend=s.c2 * t)
-        # c1 is negative, and is stored without its sign.
-        slope = Signal(signed(c1_width + 1))
-        m.d.comb += slope.eq((s.bend + Cat(C(1 << SLOPE_SHIFT - 1, SLOPE_SHIFT), -s.c1).as_signed()) >> SLOPE_SHIFT)
-        s = rank("slope", **pick(s, carried), t=s.t, c0=s.c0, slope=slope)
+        s = rank("word", **pick(s, carried), t=table.t(s.place), c0=c0, c1=c1, c2=c2)
+        s = rank("bend", **pick(s, carried), t=s.t, c0=s.c0, c1=s.c1, bend=s.c2 * s.t)
+        s = rank("slope", **pick(s, carried), t=s.t, c0=s.c0, slope=table.slope(s.c1, s.bend))
         s = rank("product", **pick(s, carried), c0=s.c0, product=s.slope * s.t)
         value = Signal(fmt.precision + 1)
-        m.d.comb += value.eq((Cat(C(0, VALUE_SHIFT), s.c0, C(1, 1)) + s.product)
-                             >> FRACTIONS[0] + VALUE_SHIFT - fmt.precision)
+        m.d.comb += value.eq(table.value(s.c0, s.product, fmt.precision))
         s = rank("value", **pick(s, carried), value=value)
 
         is_one = s.value[-1]
@@ -151,41 +134,17 @@ class FpTableReciprocal(PipelinedOperator):
 
 
 @cache
-def _coefficients(precision):
-    """c0, c1 and c2 of each interval, as integers: 256 of 1/x for x in [1, 2), then 256 of 1/sqrt(x) in [1, 4).
-
-    c0 contains half a unit in the last place of a result, so that cutting its last bits off rounds it.
-
-    The parabola meets the function in the middle of the interval and at 0.433 of its width on both sides, about the
-    zeros of the Chebyshev polynomial of degree 3. All arithmetic is on integers, so every machine has the same table.
-    """
-    scale = 96
+def _table(precision):
+    """Parabolas of 1/x for x in [1, 2), then of 1/sqrt(x) for x in [1, 2) and in [2, 4)."""
     count = 1 << INDEX_BITS
-
-    def reciprocal(numerator, denominator):
-        return (denominator << scale) // numerator
-
-    def reciprocal_root(numerator, denominator):
-        return math.isqrt((denominator << 2 * scale) // numerator)
-
-    rows = []
-    halves = [(reciprocal, 1, 1, count), (reciprocal_root, 1, 1, count // 2), (reciprocal_root, 2, 2, count // 2)]
-    for function, first, length, intervals in halves:
-        for interval in range(intervals):
-            # x = first + length (interval + 1/2 + t) / intervals, for t = -0.433, 0 and 0.433.
-            before, middle, after = (
-                function(2000 * intervals * first + length * (2000 * interval + 1000 + side), 2000 * intervals)
-                for side in (-866, 0, 866))
-            c1 = (after - before) * 1000 // 866
-            c2 = (after + before - 2 * middle) * 2 * 1000**2 // 866**2
-            c0 = middle + (1 << scale - precision - 1)
-            rows.append(tuple(value + (1 << scale - fraction - 1) >> scale - fraction
-                              for value, fraction in zip((c0, c1, c2), FRACTIONS, strict=True)))
-    return rows
+    return Parabolas.of(
+        [*parabolas(_reciprocal, 1, 1, count), *parabolas(_reciprocal_root, 1, 1, count // 2),
+         *parabolas(_reciprocal_root, 2, 2, count // 2)], FRACTION_BITS, OFFSET_BITS, precision)
 
 
-def _words(precision):
-    """The table: c0 without its highest bit in the low bits, then -c1, then c2."""
-    c0_width, c1_width, _ = WIDTHS
-    return [(c0 - (1 << c0_width)) | -c1 << c0_width | c2 << c0_width + c1_width
-            for c0, c1, c2 in _coefficients(precision)]
+def _reciprocal(numerator, denominator):
+    return (denominator << SCALE) // numerator
+
+
+def _reciprocal_root(numerator, denominator):
+    return math.isqrt((denominator << 2 * SCALE) // numerator)

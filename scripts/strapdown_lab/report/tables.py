@@ -35,7 +35,10 @@ def _parameters(row):
         if name == "latency":
             continue
         text = name.replace("_", " ")
-        words.append(text if value is True else f"{value} {text}" if value is not False else "pipelined")
+        if value is not False:
+            words.append(text if value is True else f"{value} {text}")
+        elif name == "iterative":
+            words.append("pipelined")
     return ", ".join(words)
 
 
