@@ -103,6 +103,14 @@ def test_a_log_that_replay_refuses_is_shown_all_the_same(tmp_path):
     assert run(path, "--to", 0.5, "--picture", tmp_path / "a.png").exit_code == 0
 
 
+def test_facts_are_shown_where_no_picture_can_be_written(tmp_path):
+    path = csv(tmp_path / "flight.csv", [[k / 100, 1, 2, 3, 0, 0, 1] for k in range(9)], NAMES[:6])
+    result = run(path, "--picture", path / "a.png")
+    assert result.exit_code == 2
+    assert "replay would use  9 samples, 100 Hz" in result.output
+    assert f"strapdown: cannot write to {path / 'a.png'}: " in result.output
+
+
 def test_errors_of_options(tmp_path):
     path = csv(tmp_path / "flight.csv", [[k / 100, 1, 2, 3, 0, 0, 1] for k in range(9)], NAMES[:6])
     result = run(path, "--columns", "gyro_x")

@@ -33,18 +33,19 @@ def inspect(recording, choice, picture):
         used = recording_of(log, **{name: value for name, value in choice.items() if name in MERGED})
     except RecordingError as error:
         refusal = str(error)
-    picture = picture or Path("build/inspect") / f"{log.name}.png"
-    with writing(picture):
-        picture.parent.mkdir(parents=True, exist_ok=True)
-        inspection_picture(picture, log, used)
     show_table([("file", str(recording)), ("format", log.form)])
     for stream, facts in zip(log.streams, facts_of(log), strict=True):
         click.echo("")
         show_table(_stream_rows(stream, facts))
     click.echo("")
-    show_table([*_replay_rows(used), ("picture", str(picture))])
+    show_table(_replay_rows(used))
     for note in (used or log).notes:
         click.echo(f"strapdown: note: {note}", err=True)
+    picture = picture or Path("build/inspect") / f"{log.name}.png"
+    with writing(picture):
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        inspection_picture(picture, log, used)
+    show_table([("picture", str(picture))])
     if refusal is not None:
         raise UserError(f"replay would refuse it: {refusal}")
 
