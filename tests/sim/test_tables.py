@@ -407,6 +407,12 @@ def test_a_folder_of_several_recordings_is_refused(tmp_path):
     check(read_recording(tmp_path))
 
 
+def test_a_folder_in_a_folder(tmp_path):
+    px4(tmp_path / "day" / "flight")
+    (tmp_path / ".hidden").touch()
+    check(read_recording(tmp_path))
+
+
 def test_a_folder_called_data_is_not_one_of_kitti(tmp_path):
     write(tmp_path / "data" / "flight.txt", *PLAIN)
     check(read_recording(tmp_path / "data"))

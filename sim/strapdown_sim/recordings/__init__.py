@@ -27,7 +27,7 @@ from .log import Log, Stream
 from .merge import recording_of, recordings_of
 from .npz import read_npz
 from .plain_csv import read_csv
-from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing, Track
+from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing, Track, listing
 from .sensor_files import is_sensor_files, read_sensor_files
 from .table import looks_like_table
 from .ulog import MAGIC as ULOG_MAGIC
@@ -133,6 +133,7 @@ def read_log(path: str | os.PathLike, **options: Any) -> Log:
     path = Path(path)
     given = {name: value for name, value in options.items() if value is not None}
     try:
+        path = _innermost(path)
         head = b""
         if not path.is_dir():
             with path.open("rb") as file:
@@ -187,12 +188,24 @@ def _unpacked(path, unpack, given):
             raise RecordingError(f"{path}: the archive is damaged, or has a password; unpack it") from None
         if (inner / "xl").is_dir():
             raise RecordingError(f"{path}: this is {OTHERS[0][1]}")
-        while inner.is_dir() and len(files := list(inner.iterdir())) == 1:
+        while inner.is_dir() and len(files := _visible(inner)) == 1:
             inner = files[0]
         try:
             return replace(read_log(inner, **given), path=path)
         except RecordingError as error:
             raise RecordingError(str(error).replace(str(inner), str(path))) from None
+
+
+def _innermost(path):
+    """The innermost folder of one that holds only another one."""
+    while path.is_dir() and len(inside := _visible(path)) == 1 and inside[0].is_dir():
+        path = inside[0]
+    return path
+
+
+def _visible(folder):
+    """Files and folders in a folder, without hidden ones."""
+    return sorted(file for file in folder.iterdir() if not file.name.startswith("."))
 
 
 def _refuse_others(path, head):
@@ -206,11 +219,10 @@ def _refuse_others(path, head):
 def _nothing(path, head):
     """What is wrong with a path that has no known format."""
     if path.is_dir():
-        files = sorted(file.name for file in path.iterdir() if not file.name.startswith("."))
-        if not files:
+        names = [file.name for file in _visible(path)]
+        if not names:
             return "the folder is empty"
-        shown = ", ".join(files[:5]) + (f" and {len(files) - 5} more" if len(files) > 5 else "")
-        return f"no log of one recording is in the folder ({shown}); name one of its files"
+        return f"no log of one recording is in the folder ({listing(names)}); name one of its files"
     if not head:
         return "the file is empty"
     return f"not a log of a known format; known are {', '.join(form.name for form in FORMATS)}"

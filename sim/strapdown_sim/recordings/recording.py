@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 __all__ = ["STANDARD_GRAVITY", "Recording", "RecordingError", "Reference", "Timing", "Track", "check_gravity",
-           "mean_rate", "unit_quaternions"]
+           "listing", "mean_rate", "unit_quaternions"]
 
 STANDARD_GRAVITY = 9.80665
 """One g in m/s^2 (ISO 80000-3)."""
@@ -131,6 +131,11 @@ class Recording:
     notes: tuple[str, ...] = ()
     position: Track | None = None
     velocity: Track | None = None
+
+
+def listing(names: list[str]) -> str:
+    """The first of some names, and how many more there are, for a message."""
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
 def mean_rate(time_s):

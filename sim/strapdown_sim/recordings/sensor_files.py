@@ -26,7 +26,7 @@ from .columns import TIME, columns_of, scaled, seconds, streams_of
 from .dialects import SI_UNITS
 from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream, interpolated
 from .plain_csv import attitude_streams, kind_of_name, table_log
-from .recording import RecordingError
+from .recording import RecordingError, listing
 from .table import decoded, parse_table
 
 __all__ = ["is_sensor_files", "read_sensor_files"]
@@ -97,10 +97,10 @@ def _merged(path, files):
             found.append((file.stem, table, columns))
     alone = next((table for _, table, columns in found if GYRO in columns.of and ACCEL not in columns.of), None)
     if alone is None and len(whole) > 1:
-        names = ", ".join(table.path.name for table in whole[:5]) + (" and others" if len(whole) > 5 else "")
-        raise RecordingError(f"{path}: {len(whole)} recordings are in it ({names}); name one of them")
+        raise RecordingError(f"{path}: {len(whole)} recordings are in it "
+                             f"({listing([table.path.name for table in whole])}); name one of them")
     if alone is None and not whole:
-        have = ", ".join(file.name for file in files) or "no file of text"
+        have = listing([file.name for file in files]) or "no file of text"
         raise RecordingError(f"{path}: no file with a gyroscope is in it ({have}); record the gyroscope too")
     log = table_log(whole[0]) if alone is None else None
     first = alone or whole[0]
