@@ -196,7 +196,7 @@ def _unpacked(path, unpack, given):
             raise RecordingError(str(error).replace(str(inner), str(path))) from None
 
 
-def _innermost(path):
+def _innermost(path: Path) -> Path:
     """The innermost folder of one that holds only another one."""
     while path.is_dir() and len(inside := _visible(path)) == 1 and inside[0].is_dir():
         path = inside[0]
