@@ -32,6 +32,7 @@ from .errors import (
     rotation_angle,
     spread,
 )
+from .magnetometer import field_facts
 from .navigation import (
     exact_attitude,
     has_attitude,
@@ -48,6 +49,7 @@ from .recordings import Recording, RecordingError
 from .reference.attitude import euler_angles, matrix_from_quaternion
 from .reference.flight import FRAME_QUATERNIONS
 from .rerun_log import require_rerun, write_rerun
+from .sensors import in_body
 from .truth import REFERENCES
 
 __all__ = ["Replay", "for_recording", "port_inputs", "replay", "replay_channels", "write_attitude"]
@@ -334,6 +336,8 @@ def _summary(recording, config, core, count, bits, differing):
         summary["time"] = _time_summary(recording.timing, "period" in _timed(recording, core.system))
     if recording.notes:
         summary["notes"] = list(recording.notes)
+    if "m" in core.system.inputs and (facts := field_facts(in_body(recording, config))):
+        summary["field"] = facts._asdict()
     return summary
 
 

@@ -76,6 +76,8 @@ def _stream_rows(stream, facts):
 
 def _replay_rows(used):
     """What a replay would use."""
+    from strapdown_sim.magnetometer import field_facts, field_rows
+
     if used is None:
         return [("replay", "would refuse the log")]
     rows = [("replay would use", f"{len(used.time_s):,} samples, {used.sample_rate_hz:.6g} Hz"),
@@ -85,4 +87,4 @@ def _replay_rows(used):
     if used.timing is not None:
         rows += [(f"  {name}", f"{count:,}") for name, count in used.timing.faults.items()]
         rows.append(("  with one rate", f"angles can be off by {used.timing.one_rate_error_deg:.2g}°"))
-    return rows
+    return [*rows, *field_rows(field_facts(used), "calibrate it")]

@@ -123,6 +123,8 @@ def _stretch(text):
 
 def _print_summary(summary, output):
     """The short table at the end of a replay."""
+    from strapdown_sim.magnetometer import FieldFacts, field_rows
+
     rows = [("recording", f"{summary['recording']}, {summary['sample_rate_hz']:g} Hz"),
             ("configuration", summary["config"]),
             ("samples", f"{summary['samples']:,}"),
@@ -153,6 +155,8 @@ def _print_summary(summary, output):
                      for name in ("horizontal", "vertical")]
     if start := summary.get("start"):
         rows.append(("start", start))
+    if facts := summary.get("field"):
+        rows += field_rows(FieldFacts(**facts), "calibrate it")
     if waves := summary.get("waves"):
         first, last = waves["updates"]
         rows += [("waveform", f"updates {first:,} to {last:,}, t = {waves['from_s']:.6f} to {waves['to_s']:.6f} s, "

@@ -36,8 +36,8 @@ def increment(omega, period_s):
     ----------
     omega : ndarray, shape (..., 3)
         Angular rate, body axes, rad/s.
-    period_s : float
-        Seconds.
+    period_s : float or ndarray
+        Seconds; an array of shape (..., 1) for periods of their own.
 
     Returns
     -------
