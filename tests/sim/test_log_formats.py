@@ -1,5 +1,6 @@
 """Readers of log formats: files made here byte by byte from the formats' descriptions, and real ones where they are."""
 
+import dataclasses
 import struct
 import sys
 import zipfile
@@ -483,6 +484,23 @@ def test_ros1_bag_with_an_old_magnetometer(tmp_path):
             each if each[0] != "/imu/mag" else (each[0], vector, each[2], store.types[vector](
                 header=each[3].header, vector=each[3].magnetic_field)) for each in imu_messages(store.types, STAMPS)))
     check(read_recording(tmp_path / "one.bag"), field=FIELD * 1e-6, atol=1e-4)
+
+
+def test_ros1_bag_in_g(tmp_path):
+    """Some drivers send the specific force in g."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    vector = store.types["geometry_msgs/msg/Vector3"](*FORCE / 9.80665)
+    with Writer(tmp_path / "one.bag") as bag:
+        write_messages(bag, store, store.serialize_ros1, (
+            (*each[:3], dataclasses.replace(each[3], linear_acceleration=vector))
+            for each in imu_messages(store.types, STAMPS) if each[0] == "/imu/data"))
+    recording = read_recording(tmp_path / "one.bag")
+    check(recording, field=None)
+    assert recording.notes == ("/imu/data: the specific force is not in m/s^2, as it should be; g makes its median one "
+                               "g",)
 
 
 @pytest.mark.parametrize("mode", ["FILE", "MESSAGE"])

@@ -27,6 +27,7 @@ import numpy as np
 from .extra import needed
 from .log import ACCEL, ATTITUDE, GYRO, MAG, POSITION, PRESSURE, Log, Stream, own_estimate
 from .recording import RecordingError
+from .units import UNITS, unit_of_force
 
 __all__ = ["MCAP_MAGIC", "ROS1_MAGIC", "SQLITE_MAGIC", "ZSTD_MAGIC", "is_bag", "read_bag", "unzstd"]
 
@@ -56,12 +57,13 @@ def read_bag(path):
     except Exception as error:  # the libraries raise what their parsers meet
         raise RecordingError(f"{path}: not a bag that can be read ({type(error).__name__}: {error})".splitlines()[0]) \
             from None
-    streams = _streams(messages)
+    notes: list[str] = []
+    streams = _streams(messages, notes)
     if not any(stream.kind == GYRO for stream in streams):
         found = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(topics.items())) or "none"
         raise RecordingError(f"{path}: the bag has no messages of type sensor_msgs/Imu with a rate, in the encoding of "
                              f"ROS; record or convert to them; its topics: {found}")
-    return Log(path, "ROS bag", tuple(streams))
+    return Log(path, "ROS bag", tuple(streams), notes=tuple(notes))
 
 
 def _messages(path, topics):
@@ -255,7 +257,7 @@ def _vectors(messages, field):
     return np.array([[vector.x, vector.y, vector.z] for vector in (getattr(message, field) for _, message in messages)])
 
 
-def _streams(found):
+def _streams(found, notes):
     stamps = {topic: _stamps(messages) for topic, (_, messages) in found.items()}
     imus = [topic for topic, (kind, _) in found.items() if kind == IMU]
     origin = min((stamps[topic][0] for topic in imus), default=0)
@@ -267,7 +269,11 @@ def _streams(found):
             if np.nan_to_num(rate).any():
                 gyros.append(Stream(GYRO, topic, time_s, np.degrees(rate), "rad/s"))
             if np.nan_to_num(force).any():
-                forces.append(Stream(ACCEL, topic, time_s, force, "m/s^2"))
+                unit = unit_of_force(force) or "m/s^2"
+                if unit != "m/s^2":
+                    notes.append(f"{topic}: the specific force is not in m/s^2, as it should be; {unit} makes its "
+                                 "median one g")
+                forces.append(Stream(ACCEL, topic, time_s, UNITS[ACCEL][unit] * force, unit))
             q = np.array([[m.orientation.w, m.orientation.x, m.orientation.y, m.orientation.z] for _, m in messages])
             absent = np.array([m.orientation_covariance[0] == -1 for _, m in messages])
             constant = (q == q[0]).all() and np.abs(q[0]).max() == 1

@@ -8,10 +8,9 @@ import numpy as np
 
 from .columns import NAMES, Columns
 from .log import ACCEL, GYRO, MAG
-from .recording import STANDARD_GRAVITY
 from .table import Table
 from .turning import AGREEMENT, RATIO, turning
-from .units import UNITS
+from .units import UNITS, unit_of_force
 
 __all__ = ["SI_UNITS", "Dialect", "dialect_of", "rate_unit", "units_of_values"]
 
@@ -59,9 +58,6 @@ def dialect_of(table: Table) -> Dialect | None:
                  if all(any(re.fullmatch(each, cell) for cell in cells) for each in dialect.header)), None)
 
 
-NEAR = 1.3
-"""Ratio of a median specific force to one g, up to which it is one g."""
-
 FASTEST_RAD_S = 70.0
 """Above the range of any gyro, 4000 deg/s in rad/s: a larger number is no rate in rad/s."""
 
@@ -81,13 +77,9 @@ def units_of_values(table: Table, found: Columns, time_s: np.ndarray,
 
     open_kinds = [kind for kind in (ACCEL, GYRO, MAG) if kind in found.of and kind not in known
                   and not any(column.unit for column in found.of[kind])]
-    if ACCEL in open_kinds:
-        force = np.linalg.norm(values_of(ACCEL), axis=1)
-        median = np.median(force[force > 0]) if (force > 0).any() else np.nan
-        for unit in "g", "m/s^2", "mg":
-            if 1 / NEAR < median * UNITS[ACCEL][unit] / STANDARD_GRAVITY < NEAR:
-                units[ACCEL] = unit
-                notes.append(f"accelerometer: no unit in the header; {unit} makes its median one g")
+    if ACCEL in open_kinds and (of_force := unit_of_force(values_of(ACCEL))):
+        units[ACCEL] = of_force
+        notes.append(f"accelerometer: no unit in the header; {of_force} makes its median one g")
     if GYRO in open_kinds:
         fixed = next(kind for kind in (MAG, ACCEL) if kind in found.of)
         if of_rates := rate_unit(time_s, values_of(GYRO), values_of(fixed)):

@@ -6,7 +6,7 @@ import numpy as np
 
 from .recording import STANDARD_GRAVITY
 
-__all__ = ["UNITS", "factor", "listed", "quantity"]
+__all__ = ["UNITS", "factor", "listed", "quantity", "unit_of_force"]
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
@@ -65,6 +65,18 @@ def quantity(unit: str) -> str | None:
     Of acceleration and field, which both have a G, it is the acceleration.
     """
     return next((kind for kind in ("time", "gyro", "accel", "mag") if factor(kind, unit)), None)
+
+
+NEAR = 1.3
+"""Ratio of a median specific force to one g, up to which it is one g."""
+
+
+def unit_of_force(values: np.ndarray) -> str | None:
+    """Unit of a specific force, shape (N, 3), that makes its median one g; None if none does."""
+    force = np.linalg.norm(values, axis=1)
+    median = np.median(force[force > 0]) if (force > 0).any() else np.nan
+    return next((unit for unit in ("m/s^2", "g", "mg")
+                 if 1 / NEAR < median * UNITS["accel"][unit] / STANDARD_GRAVITY < NEAR), None)
 
 
 def listed(kind: str) -> str:
