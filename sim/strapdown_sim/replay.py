@@ -514,7 +514,8 @@ def _outputs(recording, system, result, truth, directory, title, summary):
     panels = [Panel(port.removeprefix("out_"), [
         *([Curve("the log's own", recorded[port], points=True, colour=ESTIMATE)] if port in recorded else []),
         Curve("kernel in float64", truth[port], turns=turns[port], colour=REFERENCE, width=4),
-        Curve("hardware", result[port], turns=turns[port], colour=HARDWARE)]) for port in system.output_ports]
+        Curve("hardware", result[port], turns=turns[port], colour=HARDWARE)], note=system.port_meanings[port])
+        for port in system.output_ports]
     return Replay(outputs, summary, quaternion, panels=(*panels, *below), recorded=attitude)
 
 

@@ -29,7 +29,8 @@ def page(tmp_path_factory):
     spiked = np.zeros(COUNT)
     spiked[SPIKE] = 7.0
     write_page(path, title=TITLE, time_s=TIME, panels=[
-        Panel("yaw (°)", [Curve("hardware", YAW, turns=True)]), Panel("error (°)", [Curve("error", spiked)])],
+        Panel("yaw (°)", [Curve("hardware", YAW, turns=True)], note="clockwise"),
+        Panel("error (°)", [Curve("error", spiked)])],
         status={"at_rest": TIME % 20 < 5, "refused": np.zeros(COUNT, bool)}, gaps=[(30, 32)],
         quaternion=Rotation.from_euler("z", YAW[:, None], degrees=True).as_quat()[:, [3, 0, 1, 2]],
         facts=[("recording", "<a>")])
@@ -41,6 +42,7 @@ def test_contents(page):
     assert f"<h1>{escape(TITLE)}</h1>" in text
     assert "<td>&lt;a&gt;</td>" in text
     assert "at_rest" in text
+    assert '"text":"clockwise"' in text
     # A bit that is never set has no band, and one that is set for a sample is marked.
     assert '"refused"' not in text
     assert _trace(page, "at_rest")["mode"] == "lines+markers"

@@ -59,6 +59,8 @@ class Panel:
     title: str
     curves: Sequence[Curve]
     logarithmic: bool = False
+    note: str = ""
+    """A line of text above the panel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +164,9 @@ def _figure(time_s, panels, status, gaps):
 
     heights = [ROW] * len(panels) + ([40 + STATUS_ROW * len(status)] if status else [])
     figure = make_subplots(rows=len(heights), cols=1, shared_xaxes=True, row_heights=heights,
-                           vertical_spacing=SPACE / sum(heights))
+                           vertical_spacing=SPACE / sum(heights),
+                           subplot_titles=[*(panel.note for panel in panels), *([""] if status else [])])
+    figure.update_annotations(font={"size": 11, "color": "#666666"}, x=0, xanchor="left")
     for row, panel in enumerate(panels, 1):
         for place, curve in enumerate(panel.curves):
             time, values = _reduced(time_s, curve)
@@ -196,7 +200,8 @@ def _figure(time_s, panels, status, gaps):
     figure.update_layout(height=sum(heights) + 140, hovermode="x unified", hoverlabel={"namelength": -1},
                          template="plotly_white", margin={"l": 90, "r": 40, "t": 60, "b": 50},
                          modebar={"orientation": "v"},
-                         legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "x": 0})
+                         legend={"orientation": "h", "yanchor": "bottom", "x": 0,
+                                 "y": 1.0 + (SPACE / sum(heights) if any(panel.note for panel in panels[:1]) else 0)})
     return figure
 
 
