@@ -10,9 +10,13 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -98,7 +102,7 @@ class UpsetNothing:
     def __init__(self, core, verilog, build):
         self.places = [Storage(REGISTER, "INS_top", "early", "INS_top__DOT__early", 1, 1)]
 
-    def verdicts(self, faults, samples, second, *, progress):
+    def verdicts(self, faults, samples, second):
         return [Verdict(Outcome.MASKED, True, 0.0, 0) for _ in faults]
 
 
@@ -182,6 +186,30 @@ def with_names(words, place):
     strapdown([names.get(word, word) for word in words], place)
 
 
+def batch(words, place):
+    """Two logs, by threads of this process, also in place of a cluster; tests/ip/test_cluster.py has one."""
+    for name in "flights/a.csv", "flights/b/c.ulg":
+        (place.folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (place.folder / name).write_text(recording(), encoding="utf-8")
+
+    @contextmanager
+    def local(address):
+        with ThreadPoolExecutor(1) as executor:
+            yield SimpleNamespace(get_executor=lambda: executor, nthreads=dict)
+
+    place.stand_in("strapdown_sim.jobs._Processes", ThreadPoolExecutor)
+    place.stand_in("strapdown_sim.jobs._cluster", local)
+    assert "bits that differ from the twin     0" in strapdown(words, place)
+    assert list(place.folder.rglob("batch.csv"))
+
+
+def cluster(words, place):
+    """Only the names of the options."""
+    done = subprocess.run([Path(sys.executable).with_name("dask"), words[1], "--help"], capture_output=True, text=True,
+                          check=True)
+    assert {word for word in words if word.startswith("--")} <= set(re.findall(r"--[a-z-]+", done.stdout))
+
+
 def serial(words, place):
     """A recorded stream in place of the serial port, without a display."""
     words = [word for word in words if word != "--live"]
@@ -256,13 +284,13 @@ def proofs(words, place):
         asked.extend(mutants)
         return [mutation.Verdict(mutant, True, "") for mutant in mutants]
 
-    def check(names, part, jobs, root):
+    def check(names, part, root, **options):
         asked.extend(names)
         return []
 
     place.stand_in("strapdown_lab.proof.formal.run", prove)
     place.stand_in("strapdown_lab.proof.mutation.run", judge)
-    def find(sensors, lines, jobs, root):
+    def find(sensors, lines, root, **options):
         asked.extend(sensors)
         return {}, []
 
@@ -345,9 +373,12 @@ RULES = {
     r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*|inspect RECORDING)": with_names,
     r"strapdown (?:generate|replay|inspect|explain|schedule|design|link|operators|ip) .*": strapdown,
+    r"strapdown batch .*": batch,
+    r"dask .*": cluster,
     r"strapdown calibrate .*": calibration,
     r"strapdown optical(?: .*)?": optical,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
+    r"python -m strapdown_lab\.faults": lambda words, place: place.invoke(flips, ["--help"]),
     r"scripts/\S+\.py": lambda words, place: (ROOT / words[0]).read_text(encoding="utf-8"),
     r"arm-linux-gnueabihf-gcc .*": compiled,
     # A test builds the wheel and installs it: tests/test_package.py.

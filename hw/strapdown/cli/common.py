@@ -14,7 +14,7 @@ from strapdown.config import Config, ConfigError
 from strapdown.cores import CONFIGS, main_module, make_core, make_module, modules_of
 
 __all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "made_module",
-           "named_configuration", "own_line", "show_table", "target_of", "writing"]
+           "named_configuration", "own_line", "show_table", "target_of", "with_changes", "writing"]
 
 DEFAULT = "thesis"
 
@@ -118,6 +118,14 @@ def own_line(error):
 
 def changed(config, changes):
     """The configuration with the ``FIELD=VALUE`` of ``--set`` applied; its warnings are shown. Raises: UserError."""
+    config = with_changes(config, changes)
+    for warning in config.warnings:
+        click.echo(f"strapdown: warning: {warning}", err=True)
+    return config
+
+
+def with_changes(config, changes):
+    """The configuration with the ``FIELD=VALUE`` of ``--set`` applied. Raises: UserError."""
     fields = {}
     for change in changes:
         field, separator, value = change.partition("=")
@@ -127,12 +135,9 @@ def changed(config, changes):
     if "name" in fields or "pool" in fields:
         raise UserError("the fields name and pool cannot be changed by --set")
     try:
-        config = config.replace(**fields)
+        return config.replace(**fields)
     except ConfigError as error:
         raise UserError(str(error)) from None
-    for warning in config.warnings:
-        click.echo(f"strapdown: warning: {warning}", err=True)
-    return config
 
 
 def target_of(target, config_name, changes, modules=()):

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from .common import UserError, show_table, writing
-from .replay import MERGED, log_options
+from .logs import log_options
 
 __all__ = ["inspect"]
 
@@ -25,12 +25,12 @@ def inspect(recording, choice, picture):
     from strapdown_sim.recordings import RecordingError, read_log, recording_of
 
     try:
-        log = read_log(recording, **{name: value for name, value in choice.items() if name not in MERGED})
+        log = read_log(recording, **choice.reading)
     except RecordingError as error:
         raise UserError(str(error)) from None
     used, refusal = None, None
     try:
-        used = recording_of(log, **{name: value for name, value in choice.items() if name in MERGED})
+        used = recording_of(log, **choice.merging)
     except RecordingError as error:
         refusal = str(error)
     show_table([("file", str(recording)), ("format", log.form)])

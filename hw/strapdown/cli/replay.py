@@ -1,6 +1,5 @@
-"""The command ``strapdown replay``, and the options of commands that read logs."""
+"""The command ``strapdown replay``."""
 
-from functools import wraps
 from pathlib import Path
 
 import click
@@ -8,44 +7,10 @@ import click
 from strapdown.config import ConfigError
 
 from .common import UserError, config_options, show_table, target_of, writing
+from .logs import log_options
 from .progress import progress_of_stages
 
-__all__ = ["MERGED", "log_options", "replay"]
-
-MERGED = "imu", "mag", "start_s", "stop_s"
-"""Options of ``log_options`` that say what of a log that was read is used."""
-
-
-def log_options(function):
-    """The options that say what of a log is read: argument ``choice`` of the command, options of ``read_recording``."""
-    options = (
-        click.option("--rate", "sample_rate_hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ",
-                     help="Sample rate of a file without time stamps, such as an x-IMU export."),
-        click.option("--imu", metavar="NAME|NUMBER", help="Inertial sensor of several in a log.  [default: the first]"),
-        click.option("--mag", metavar="NAME|NUMBER", help="Magnetometer of several in a log.  [default: the first]"),
-        click.option("--log", metavar="NUMBER", help="Log of several in a file.  [default: the longest]"),
-        click.option("--columns", multiple=True, metavar="QUANTITY=NAME[:UNIT]",
-                     help="Column of a text file for time, gyro_x, accel_z, mag_y, ..., as in --columns time=T:ms; "
-                          "gyro=:deg/s is the unit of all axes. May be repeated."),
-        click.option("--from", "start_s", type=float, metavar="S", help="Leave out the first S seconds of the log."),
-        click.option("--to", "stop_s", type=float, metavar="S", help="Leave out what comes after S seconds."))
-
-    @wraps(function)
-    def command(sample_rate_hz, imu, mag, log, columns, start_s, stop_s, **arguments):
-        choice = {"sample_rate_hz": sample_rate_hz, "imu": imu, "mag": mag, "log": log, "columns": _pairs(columns),
-                  "start_s": start_s, "stop_s": stop_s}
-        return function(choice={name: value for name, value in choice.items() if value is not None}, **arguments)
-
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def _pairs(columns):
-    """Quantity to column, from words QUANTITY=NAME; None without any. Raises: UserError."""
-    if wrong := [pair for pair in columns if "=" not in pair]:
-        raise UserError(f"--columns takes QUANTITY=NAME, as in --columns gyro_x=wx:dps, not {wrong[0]!r}")
-    return dict(pair.split("=", 1) for pair in columns) or None
+__all__ = ["replay"]
 
 
 @click.command()
@@ -78,38 +43,30 @@ def replay(recording, config_name, changes, output, choice, html, bag, rerun, wa
     from strapdown_sim.drivers.toolchain import SimulatorMissingError
     from strapdown_sim.extras import MissingExtraError
     from strapdown_sim.recordings import RecordingError, read_log, recordings_of
-    from strapdown_sim.replay import replay as run
-    from strapdown_sim.replay import replay_channels
+    from strapdown_sim.replay import refusal, replay_recordings
 
     config, _, options = target_of(None, config_name, changes)
     if config.channels > 1 and waves:
         raise UserError("--waves shows one sensor: replay it with --set channels=1")
     stretch = None if waves is None else _stretch(waves)
     try:
-        log = read_log(recording, **{name: value for name, value in choice.items() if name not in MERGED})
-        recordings = recordings_of(log, config.channels, **{
-            name: value for name, value in choice.items() if name in MERGED})
+        recordings = recordings_of(read_log(recording, **choice.reading), config.channels, **choice.merging)
     except RecordingError as error:
         raise UserError(str(error)) from None
-    data = recordings[0]
-    for note in data.notes:
+    for note in recordings[0].notes:
         click.echo(f"strapdown: note: {note}", err=True)
     labels = {"build": "generate and compile", "simulate": "simulate, samples", "compare": "compare"}
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
-                common = {"build": build, "html": html, "bag": bag, "rerun": rerun, "progress": progress,
-                          "command": ("strapdown", "generate", *options)}
-                if config.channels > 1:
-                    result = replay_channels(recordings, config, output, **common)
-                else:
-                    result = run(data, config, output, waves=stretch, **common)
+                result = replay_recordings(
+                    recordings, config, output, build=build, html=html, bag=bag, rerun=rerun, progress=progress,
+                    command=("strapdown", "generate", *options), **({"waves": stretch} if stretch else {}))
         except (RecordingError, SimulatorMissingError, MissingExtraError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)
-    if result.summary["refused_updates"] == result.summary["samples"]:
-        raise UserError("all updates were refused: numbers are not finite, or too large for the core's format, so "
-                        "the outputs are those after reset")
+    if line := refusal(result.summary):
+        raise UserError(line)
 
 
 def _stretch(text):

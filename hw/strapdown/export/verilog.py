@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 from functools import partial
 from importlib.metadata import metadata, version
 from textwrap import dedent, wrap
@@ -14,7 +15,8 @@ from .constants import with_constants
 from .explain import operations_of_cycles, program_listing
 from .lint import waivers
 
-__all__ = ["description", "verilog_text", "versions", "write", "write_core"]
+__all__ = ["description", "verilog_text", "versions", "without_comments", "write",
+           "write_core"]
 
 LINE_LENGTH = 104
 """Longest line of a paragraph in a header."""
@@ -75,6 +77,11 @@ def verilog_text(top, config=None, *, command=""):
              for cycle, text in operations_of_cycles(section.program)}
     text = to_verilog(top, name, vectors=vectors, comments={MICROCODE: words})
     return _header(top, config, command) + with_constants(text, name, top.constants)
+
+
+def without_comments(text):
+    """Verilog without its comments, and without lines that hold nothing else."""
+    return re.sub(r" *//.*", "", re.sub(r"^ *//.*\n", "", text, flags=re.MULTILINE))
 
 
 def description(top, config, command):

@@ -23,7 +23,7 @@ def constants(m, program, style):
     m.submodules.constants = rom = Memory(
         shape=program.format.width, depth=len(program.constants),
         attrs=style.attributes("rom_style") if in_block else {},
-        init=[program.format.encode(value) for value in program.constants])
+        init=program.constant_words)
     return rom
 
 

@@ -84,6 +84,11 @@ class Program(ABC):
         values = dict.fromkeys(self.graph.state.values())
         return tuple(values | dict.fromkeys(node.value for node in self.graph.nodes if node.operation == "constant"))
 
+    @property
+    def constant_words(self) -> tuple[int, ...]:
+        """The constants as they are in their ROM."""
+        return tuple(int(self.format.encode(value)) for value in self.constants)
+
     def constant(self, node):
         """The value of a constant, or the reset value of a state word."""
         return self.graph.state[node.label] if node.operation == "state" else node.value

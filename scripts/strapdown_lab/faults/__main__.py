@@ -1,17 +1,18 @@
 """`python -m strapdown_lab.faults`: flips bits of a core, and writes what follows from them."""
 
 import json
-import os
 from pathlib import Path
 
 import click
 
+from strapdown.cli.jobs import job_options
 from strapdown.cli.progress import progress_bars
 from strapdown.cores import CONFIGS
 from strapdown.files import written_whole
 from strapdown.tools import ToolError
 from strapdown_sim.drivers.faults import Outcome
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.jobs import JobsError
 from strapdown_sim.recordings import RecordingError
 
 from ..checkout import ROOT
@@ -31,9 +32,8 @@ from .tables import WORDS, total
               help="Folder of the recordings. Without them the samples come from a generated flight.")
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=ROOT / "build" / "faults",
               help="Folder for CONFIG.json, and for the verdicts from which an interrupted run continues.")
-@click.option("--jobs", type=click.IntRange(1), default=os.cpu_count(), show_default=True,
-              help="Number of parallel jobs.")
-def main(name, count, seed, only, recordings, output, jobs):
+@job_options
+def main(name, count, seed, only, recordings, output, jobs, scheduler):
     """Flip single bits in registers, memories and ROM of a core in Verilator, during a recording: docs/faults.md.
 
     The exit status is 1 if a core hangs, is out of step, or is stuck.
@@ -43,10 +43,10 @@ def main(name, count, seed, only, recordings, output, jobs):
         with progress_bars() as bars:
             task = bars.add_task(name, total=count)
             report = Campaign(config, count, seed, only, recordings).run(
-                output, jobs=jobs, progress=lambda done: bars.advance(task, done))
+                output, jobs=jobs, scheduler=scheduler, progress=lambda done: bars.advance(task, done))
     except NothingChosenError as error:
         raise click.BadParameter(str(error), param_hint="--only") from None
-    except (RecordingError, SimulatorMissingError, ToolError) as error:
+    except (JobsError, RecordingError, SimulatorMissingError, ToolError) as error:
         raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
         raise click.ClickException("interrupted; the same command continues from here") from None

@@ -13,16 +13,15 @@ import numpy as np
 
 from strapdown.config import Config
 from strapdown.cores import Core, main_module, make_core
-from strapdown.export import write_core
-from strapdown_lab.report.measure import without_comments
-from strapdown_lab.waiting import waiting_threads
+from strapdown.export import without_comments, write_core
 from strapdown_sim.cache import digest
 from strapdown_sim.drivers.faults import HORIZON, Fault, FaultModel, Outcome, Verdict
 from strapdown_sim.drivers.storage import Storage
+from strapdown_sim.jobs import outcome, remade, workers
 
 from .samples import samples_of
 
-__all__ = ["Campaign", "NothingChosenError", "drawn", "figures", "harmful"]
+__all__ = ["Campaign", "NothingChosenError", "Upsets", "drawn", "figures", "harmful"]
 
 WARM_S, WINDOW_S = 4, 4
 """Time before the first fault, in which a filter settles, and time in which the faults lie."""
@@ -32,6 +31,43 @@ BATCH = 250
 
 KEPT = re.compile(r"(\d+),(\d+),([01]),([\d.e+]+),(\d+)\n")
 """A line of the file of verdicts."""
+
+
+class Upsets:
+    """The main module of a configuration with the model whose bits are flipped. On a worker it is made again.
+
+    Parameters
+    ----------
+    config : Config
+    build : Path
+        Folder for the core's Verilog.
+    models : Path
+        Folder for compiled models.
+    make_core : callable
+        As ``strapdown.cores.make_core``; may cache cores.
+
+    Attributes
+    ----------
+    core : Core
+    circuit : str
+        Digest of its Verilog.
+    model : FaultModel
+    """
+
+    def __init__(self, config: Config, build: Path, models: Path, make_core: Callable[..., Core] = make_core) -> None:
+        self._made = config, build, models
+        self.core = make_core(main_module(config), config)
+        # The command of the header does not matter: comments make no model.
+        path = write_core(self.core, config, build / "verilog" / config.name, "")
+        self.circuit = digest(without_comments(path.read_text(encoding="utf-8")))
+        self.model = FaultModel(self.core, path, models)
+
+    def __reduce__(self):
+        return remade, (Upsets, *self._made)
+
+    def verdicts(self, faults: Sequence[Fault], samples: dict[str, np.ndarray], second: int) -> list[Verdict]:
+        """See ``FaultModel.verdicts``."""
+        return self.model.verdicts(faults, samples, second)
 
 
 @dataclass(frozen=True)
@@ -57,7 +93,8 @@ class Campaign:
     recordings: Path | None = None
 
     def run(self, build: str | os.PathLike, *, make_core: Callable[..., Core] = make_core, models: Path | None = None,
-            jobs: int = 1, progress: Callable[[int], object] | None = None) -> dict[str, Any]:
+            jobs: int = 1, scheduler: str | None = None,
+            progress: Callable[[int], object] | None = None) -> dict[str, Any]:
         """Find the verdict of each fault, and return the figures as JSON values; see ``figures``.
 
         Verdicts are kept in a file in ``build``, from which an interrupted campaign continues.
@@ -70,50 +107,40 @@ class Campaign:
             As ``strapdown.cores.make_core``; may cache cores.
         models : Path or None
             Folder for compiled models; ``build`` by default.
-        jobs : int
-            Number of processes that simulate.
+        jobs, scheduler
+            See ``strapdown_sim.jobs.workers``; a worker makes the model again.
         progress : callable or None
             Called with the number of faults that have been added to those with a verdict.
 
-        Raises: NothingChosenError; SimulatorMissingError, ToolError; RecordingError.
+        Raises: NothingChosenError; SimulatorMissingError, ToolError; RecordingError; JobsError.
         """
         build, config = Path(build), self.config
         progress = progress or (lambda count: None)
-        core = make_core(main_module(config), config)
-        # The command of the header does not matter: comments make no model.
-        path = write_core(core, config, build / "verilog" / config.name, "")
-        model = FaultModel(core, path, models or build / "models")
+        upsets = Upsets(config, build, models or build / "models", make_core)
+        model = upsets.model
         second = round(config.sample_rate_hz)
         rounds = range(WARM_S * second, (WARM_S + WINDOW_S) * second)
-        samples = samples_of(core, config, rounds.stop + HORIZON + second + 3, self.recordings)
+        samples = samples_of(upsets.core, config, rounds.stop + HORIZON + second + 3, self.recordings)
         faults = drawn(model.places, self.count, self.seed, rounds, self.only)
-        circuit = digest(without_comments(path.read_text(encoding="utf-8")))
-        key = digest(circuit, samples.source, model.DRIVER.read_text(encoding="utf-8"), str(HORIZON), str(self.seed),
-                     self.only)[:16]
+        key = digest(upsets.circuit, samples.source, model.DRIVER.read_text(encoding="utf-8"), str(HORIZON),
+                     str(self.seed), self.only)[:16]
         file = build / f"{config.name}-{key}.csv"
         verdicts = {number: verdict for number, verdict in _kept(file).items() if number < self.count}
         progress(len(verdicts))
         missing = [number for number in range(self.count) if number not in verdicts]
 
-        def verdicts_of(numbers):
-            done = 0
-
-            def more(count):
-                nonlocal done
-                progress(count - done)
-                done = count
-
-            return model.verdicts([faults[number] for number in numbers], samples.ports, second, progress=more)
-
         batches = [missing[first:first + BATCH] for first in range(0, len(missing), BATCH)]
-        with waiting_threads(jobs) as pool:
-            running = {pool.submit(verdicts_of, numbers): numbers for numbers in batches}
+        with workers(jobs, scheduler, threads=True) as pool:
+            running = {pool.executor.submit(
+                upsets.verdicts, [faults[number] for number in numbers], samples.ports, second): numbers
+                for numbers in batches}
             for done in as_completed(running):
-                found = dict(zip(running[done], done.result(), strict=True))
+                found = dict(zip(running[done], outcome(done), strict=True))
                 _keep(file, found)
                 verdicts |= found
+                progress(len(found))
         ordered = [verdicts[number] for number in range(self.count)]
-        return {"config": config.name, "module": core.system.name, "verilog_sha256": circuit,
+        return {"config": config.name, "module": upsets.core.system.name, "verilog_sha256": upsets.circuit,
                 "samples": samples.source, "seed": self.seed, **figures(model.places, faults, ordered)}
 
 

@@ -1,7 +1,6 @@
 """`python -m strapdown_lab.proof`: formal, exhaustive, spots, mutants and the generated parts of docs/proof.md."""
 
 import json
-import os
 import re
 
 import click
@@ -9,15 +8,15 @@ from rich.console import Console
 from rich.table import Table
 
 from strapdown.blocks import SENSORS
+from strapdown.cli.jobs import job_options
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
+from strapdown_sim.jobs import JobsError
 
 from ..checkout import ROOT, write_blocks
 from . import exhaustive, formal, mutation, spots
 from .mutants import MUTANTS
 from .solver import SolverMissingError
 
-JOBS = click.option("--jobs", type=click.IntRange(1), default=os.cpu_count(), show_default=True,
-                    help="Number of parallel jobs.")
 console = Console(width=160)
 
 
@@ -28,8 +27,8 @@ def main():
 
 @main.command("formal")
 @click.option("--only", default="", metavar="REGEX", help="Only properties whose circuit or claim matches.")
-@JOBS
-def formal_command(only, jobs):
+@job_options
+def formal_command(only, **where):
     """Prove the properties of all operators and engines. The table is also written to build/formal/outcomes.json."""
     props = formal.chosen(only)
     if not props:
@@ -42,8 +41,8 @@ def formal_command(only, jobs):
             console.print(outcome.report, highlight=False, markup=False)
 
     try:
-        outcomes = formal.run(props, ROOT / "build" / "formal", jobs=jobs, report=report)
-    except SolverMissingError as error:
+        outcomes = formal.run(props, ROOT / "build" / "formal", report=report, **where)
+    except (JobsError, SolverMissingError) as error:
         raise click.ClickException(str(error)) from None
     for prop, outcome in zip(props, outcomes, strict=True):
         table.add_row(prop.subject, prop.claim, prop.engine, str(prop.depth), outcome.word, f"{outcome.seconds:.1f}")
@@ -58,16 +57,16 @@ def formal_command(only, jobs):
 @click.option("--only", multiple=True, type=click.Choice(list(exhaustive.RUNS)), help="May be repeated.")
 @click.option("--fraction", "part", default="1", show_default=True, metavar="PART",
               help="Part of all operands, evenly spread, as in 1/256.")
-@JOBS
-def exhaustive_command(only, part, jobs):
+@job_options
+def exhaustive_command(only, part, **where):
     """Run all 2**32 operands through Verilated operators. An interrupted run continues where it stopped."""
     try:
         part = exhaustive.fraction(part)
     except (ValueError, ZeroDivisionError):
         raise click.BadParameter(f"must be above 0 and at most 1, not {part!r}", param_hint="--fraction") from None
     try:
-        runs = exhaustive.check(only or list(exhaustive.RUNS), part, jobs, ROOT)
-    except SimulatorMissingError as error:
+        runs = exhaustive.check(only or list(exhaustive.RUNS), part, ROOT, **where)
+    except (JobsError, SimulatorMissingError) as error:
         raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
         raise click.ClickException("interrupted; the same command continues from here") from None
@@ -85,12 +84,12 @@ def exhaustive_command(only, part, jobs):
 @main.command("spots")
 @click.option("--only", multiple=True, type=click.Choice(list(SENSORS)), help="May be repeated.")
 @click.option("--lines", type=click.IntRange(1), default=1_000_000, show_default=True, help="Random lines of a sensor.")
-@JOBS
-def spots_command(only, lines, jobs):
+@job_options
+def spots_command(only, lines, **where):
     """Run random lines through the Verilated spot finder."""
     try:
-        entries, examples = spots.check(only or list(SENSORS), lines, jobs, ROOT)
-    except SimulatorMissingError as error:
+        entries, examples = spots.check(only or list(SENSORS), lines, ROOT, **where)
+    except (JobsError, SimulatorMissingError) as error:
         raise click.ClickException(str(error)) from None
     spots.record(entries, ROOT)
     for sensor, entry in entries.items():
@@ -105,8 +104,8 @@ def spots_command(only, lines, jobs):
 @click.option("--only", default="", metavar="REGEX", help="Only faults whose file matches.")
 @click.option("--baseline/--no-baseline", default=True, show_default=True,
               help="Run the tests without a fault first; not needed after `make test` has passed.")
-@JOBS
-def mutants_command(only, baseline, jobs):
+@job_options
+def mutants_command(only, baseline, **where):
     """Put single faults into copies of the package; tests must detect each of them."""
     for mutant, count in mutation.misplaced(ROOT / "hw" / "strapdown"):
         raise click.ClickException(f"{mutant.file} contains this {count} times, not once: {mutant.fragment}")
@@ -119,7 +118,7 @@ def mutants_command(only, baseline, jobs):
         console.print(f"{word:8} {verdict.mutant.file}: {verdict.mutant.breaks}  {verdict.by}", highlight=False)
 
     try:
-        verdicts = mutation.run(mutants, ROOT, jobs=jobs, baseline=baseline, report=report)
+        verdicts = mutation.run(mutants, ROOT, baseline=baseline, report=report, **where)
     except RuntimeError as error:
         raise click.ClickException(str(error)) from None
     survivors = [verdict.mutant for verdict in verdicts if not verdict.killed]

@@ -5,7 +5,6 @@ import json
 import math
 import os
 import subprocess
-import threading
 from concurrent.futures import as_completed
 from fractions import Fraction
 from importlib.resources import files
@@ -20,9 +19,9 @@ from strapdown.export.backend import to_verilog
 from strapdown.files import written_whole
 from strapdown.markdown import markdown_table
 from strapdown_lab.operators import OPERATORS
-from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import digest
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
+from strapdown_sim.jobs import outcome, remade, workers
 
 __all__ = ["RUNS", "Run", "table"]
 
@@ -101,6 +100,7 @@ class Run:
     """
 
     def __init__(self, name, build):
+        self._build = build
         self.name, self.subject = name, RUNS[name]
         build.mkdir(parents=True, exist_ok=True)
         source = build / f"{name}.v"
@@ -113,12 +113,14 @@ class Run:
                               reset="rst", reset_active=1)
         self._model = ExhaustiveModel(source, interface, build / "models")
         self._file = build / f"{name}.json"
-        self._lock = threading.Lock()
         self.state: dict[str, Any] = {"circuit": self.circuit, "shards": [], "mismatches": 0, "examples": []}
         if self._file.exists():
             stored = json.loads(self._file.read_text(encoding="utf-8"))
             if stored["circuit"] == self.circuit:
                 self.state = stored
+
+    def __reduce__(self):
+        return remade, (Run, self.name, self._build)
 
     @property
     def complete(self):
@@ -138,16 +140,13 @@ class Run:
         """
         return self._model.check(self.subject, self.operator, first, count)
 
-    def do(self, shard):
-        """Check one shard and store the result."""
-        mismatches, rows = self.check(shard * SHARD, SHARD)
-        with self._lock:
-            self.state["shards"].append(shard)
-            self.state["mismatches"] += mismatches
-            self.state["examples"] = (self.state["examples"] + rows)[:10]
-            with written_whole(self._file) as partial:
-                partial.write_text(json.dumps(self.state) + "\n", encoding="utf-8")
-        return mismatches
+    def keep(self, shard, mismatches, rows):
+        """Store what ``check`` returns for the operands of a shard."""
+        self.state["shards"].append(shard)
+        self.state["mismatches"] += mismatches
+        self.state["examples"] = (self.state["examples"] + rows)[:10]
+        with written_whole(self._file) as partial:
+            partial.write_text(json.dumps(self.state) + "\n", encoding="utf-8")
 
 
 def fraction(text):
@@ -158,17 +157,21 @@ def fraction(text):
     return value
 
 
-def check(names, part, jobs, root):
-    """Run the chosen operators to the end; returns the runs. Complete runs are entered in docs/exhaustive.json."""
+def check(names, part, root, *, jobs=2, scheduler=None):
+    """Run the chosen operators to the end; returns the runs. Complete runs are entered in docs/exhaustive.json.
+
+    ``jobs`` and ``scheduler`` are those of ``strapdown_sim.jobs.workers``; a worker makes the models again.
+    """
     runs = []
     with progress_bars() as progress:
         for name in names:
             run = Run(name, root / "build" / "exhaustive")
             shards = run.remaining(part)
             task = progress.add_task(f"{name}, shards", total=len(shards))
-            with waiting_threads(jobs) as pool:
-                for future in as_completed([pool.submit(run.do, shard) for shard in shards]):
-                    future.result()
+            with workers(jobs, scheduler, threads=True) as pool:
+                tried = {pool.executor.submit(run.check, shard * SHARD, SHARD): shard for shard in shards}
+                for future in as_completed(tried):
+                    run.keep(tried[future], *outcome(future))
                     progress.advance(task)
             if run.complete:
                 _record(run, root)

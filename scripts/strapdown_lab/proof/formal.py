@@ -3,9 +3,10 @@
 import json
 import re
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import as_completed
 
 from strapdown.markdown import markdown_table
+from strapdown_sim.jobs import outcome, workers
 
 from .catalogue import properties
 from .solver import prove
@@ -18,20 +19,21 @@ def chosen(pattern=""):
     return [prop for prop in properties() if re.search(pattern, f"{prop.subject}: {prop.claim}")]
 
 
-def run(props, build, *, jobs=2, report=lambda prop, outcome: None):
-    """Try to prove properties; returns their outcomes, and writes them to ``build/outcomes.json``."""
-    def one(numbered):
-        number, prop = numbered
-        outcome = prove(prop, build / f"{number:03}")
-        report(prop, outcome)
-        return outcome
+def run(props, build, *, jobs=2, scheduler=None, report=lambda prop, found: None):
+    """Try to prove properties; returns their outcomes, and writes them to ``build/outcomes.json``.
 
-    with ThreadPoolExecutor(jobs) as pool:
-        outcomes = list(pool.map(one, enumerate(props)))
+    ``jobs`` and ``scheduler`` are those of ``strapdown_sim.jobs.workers``. The files of a proof stay where it ran.
+    """
+    build.mkdir(parents=True, exist_ok=True)
+    with workers(jobs, scheduler, threads=True) as pool:
+        proofs = {pool.executor.submit(prove, prop, build / f"{number:03}"): prop for number, prop in enumerate(props)}
+        for proof in as_completed(proofs):
+            report(proofs[proof], outcome(proof))
+    outcomes = [proof.result() for proof in proofs]
     rows = [
         {"folder": f"{number:03}", "circuit": prop.subject, "property": prop.claim, "engine": prop.engine,
-         "depth": prop.depth, "result": outcome.word, "seconds": round(outcome.seconds, 1)}
-        for number, (prop, outcome) in enumerate(zip(props, outcomes, strict=True))]
+         "depth": prop.depth, "result": found.word, "seconds": round(found.seconds, 1)}
+        for number, (prop, found) in enumerate(zip(props, outcomes, strict=True))]
     (build / "outcomes.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
     return outcomes
 

@@ -6,11 +6,12 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
 from strapdown.markdown import markdown_table
+from strapdown_sim.jobs import outcome, workers
 
 from .mutants import MUTANTS, Mutant
 
@@ -43,35 +44,39 @@ def mutated(text, mutant):
     return text.replace(mutant.fragment, mutant.replacement)
 
 
-def run(mutants, root, *, jobs=2, baseline=True, report=lambda verdict: None):
-    """Try faults, ``jobs`` at a time; returns their verdicts.
+def run(mutants, root, *, jobs=2, scheduler=None, baseline=True, report=lambda verdict: None):
+    """Try faults, several at a time; returns their verdicts.
 
+    ``jobs`` and ``scheduler`` are those of ``strapdown_sim.jobs.workers``; a worker needs the checkout ``root``.
     Without ``baseline`` the tests are assumed to pass without a fault.
     Raises: RuntimeError if the tests for a fault fail without it, or if no test is selected.
     """
-    scratch = root / "build" / "mutants"
-    scratch.mkdir(parents=True, exist_ok=True)
-    with ThreadPoolExecutor(jobs) as pool:
+    with workers(jobs, scheduler, threads=True) as pool:
         selections = sorted({(mutant.test_file, mutant.select) for mutant in mutants}) if baseline else []
-        for selection, result in zip(selections, pool.map(lambda tests: _sound(tests, root, scratch), selections),
-                                     strict=True):
-            if result.returncode:
-                raise RuntimeError(f"tests/{selection[0]} must pass without a fault:\n{result.stdout[-3000:]}")
-
-        def judge(mutant):
-            verdict = _judge(mutant, root, scratch)
-            report(verdict)
-            return verdict
-        return list(pool.map(judge, mutants))
+        sound = {pool.executor.submit(_sound, tests, root): tests for tests in selections}
+        for tried in as_completed(sound):
+            if (result := outcome(tried)).returncode:
+                raise RuntimeError(f"tests/{sound[tried][0]} must pass without a fault:\n{result.stdout[-3000:]}")
+        judged = [pool.executor.submit(_judge, mutant, root) for mutant in mutants]
+        for verdict in as_completed(judged):
+            report(outcome(verdict))
+    return [verdict.result() for verdict in judged]
 
 
-def _sound(tests, root, scratch):
-    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+def _scratch(root):
+    """A folder for copies."""
+    folder = root / "build" / "mutants"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _sound(tests, root):
+    with tempfile.TemporaryDirectory(dir=_scratch(root)) as folder:
         return _pytest(_copy(root, Path(folder), root / "build" / "sim" / "verilated"), *tests)
 
 
-def _judge(mutant, root, scratch):
-    with tempfile.TemporaryDirectory(dir=scratch) as folder:
+def _judge(mutant, root):
+    with tempfile.TemporaryDirectory(dir=_scratch(root)) as folder:
         copy = _copy(root, Path(folder))
         source = copy / "hw" / "strapdown" / mutant.file
         source.write_text(mutated(source.read_text(encoding="utf-8"), mutant), encoding="utf-8")

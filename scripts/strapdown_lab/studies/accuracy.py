@@ -3,10 +3,8 @@
 import json
 import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +24,7 @@ from strapdown_sim.errors import (
     quaternion_from_matrix,
     rms,
 )
+from strapdown_sim.jobs import completed, outcome, workers
 from strapdown_sim.recordings import STANDARD_GRAVITY, read_recording
 from strapdown_sim.reference.attitude import ComplementaryFilter, alignment
 from strapdown_sim.truth import flight_filter
@@ -118,15 +117,14 @@ PACKAGES = ("ahrs", "imufusion", "vqf")
 FIGURES = AttitudeErrors._fields
 
 
-def _scored(path, name):
+def _scored(recording, name):
     """RMS errors, degrees, of one filter on one recording."""
-    recording = read_recording(path)
     match = match_reference(recording, FILTERS[name](recording))
     errors = attitude_errors(match.q_est, match.q_ref)
     return {figure: rms(getattr(errors, figure)) for figure in FIGURES}
 
 
-def measure(folder: str | os.PathLike, *,
+def measure(folder: str | os.PathLike, *, jobs: int = 2, scheduler: str | None = None,
             progress: Callable[[int, int], object] | None = None) -> dict[str, Any]:
     """Run every filter over every recording of a folder that has a reference orientation.
 
@@ -134,6 +132,8 @@ def measure(folder: str | os.PathLike, *,
     ----------
     folder : Path
         Recordings, ``.npz``.
+    jobs, scheduler
+        See ``strapdown_sim.jobs.workers``.
     progress : callable or None
         ``progress(done, total)`` after each run.
 
@@ -144,19 +144,19 @@ def measure(folder: str | os.PathLike, *,
         ``axes`` (6 or 9) and by filter the RMS ``total``, ``heading`` and ``inclination`` error in
         degrees. With 6 axes, a constant heading offset is not counted.
 
-    Raises: RecordingError; ModuleNotFoundError without the packages.
+    Raises: RecordingError; ModuleNotFoundError without the packages; JobsError.
     """
     versions = {package: version(package) for package in PACKAGES}
     paths = sorted(Path(folder).glob("*.npz"))
     recordings = {path: read_recording(path) for path in paths}
     references = {path: recording.reference for path, recording in recordings.items()}
     scored = [path for path, reference in references.items() if reference is not None and reference.valid.any()]
-    runs = [(path, name) for path in scored for name in FILTERS]
-    rows: dict = {path.stem: {"axes": 6 if recordings[path].mag is None else 9, "filters": {}} for path in scored}
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        answers = pool.map(_scored, *zip(*runs, strict=True)) if runs else []
-        for done, ((path, name), figures) in enumerate(zip(runs, answers, strict=True), start=1):
-            rows[path.stem]["filters"][name] = figures
+    runs = {(path.stem, name): (recordings[path], name) for path in scored for name in FILTERS}
+    rows: dict = {path.stem: {"axes": 6 if recordings[path].mag is None else 9, "filters": dict.fromkeys(FILTERS)}
+                  for path in scored}
+    with workers(jobs, scheduler) as pool:
+        for done, ((stem, name), figures) in enumerate(completed(pool, _scored, runs.items()), start=1):
+            rows[stem]["filters"][name] = outcome(figures)
             if progress:
                 progress(done, len(runs))
     return {"packages": versions, "without_reference": [path.stem for path in paths if path not in scored],

@@ -58,7 +58,8 @@ class CoreModel:
                   for index, word in enumerate(self._state) for bank in (0, 1)}
         if probes:
             probes |= {name: (f"{system.name}_engine", name, engine + name) for name in ("bank", "fresh")}
-        self._model = VerilatedModel(verilog, Interface.of_core(core, probes=probes), build, waves=waves)
+        self._model = VerilatedModel(verilog, Interface.of_core(
+            core, probes=probes, constants=program.constant_words), build, waves=waves)
 
     def update(self, inputs: Mapping[str, ArrayLike], *, waves: Waves | None = None,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:

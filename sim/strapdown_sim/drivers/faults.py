@@ -1,7 +1,7 @@
 """A core in Verilator whose bits are flipped while it works through samples: what follows from each fault."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from importlib.resources import files
@@ -190,8 +190,7 @@ class FaultModel(VerilatedModel):
             file.write_text(text, encoding="utf-8")
             super().__init__(file, interface, build)
 
-    def verdicts(self, faults: Sequence[Fault], samples: dict[str, np.ndarray], second: int, *,
-                 progress: Callable[[int], object] | None = None) -> list[Verdict]:
+    def verdicts(self, faults: Sequence[Fault], samples: dict[str, np.ndarray], second: int) -> list[Verdict]:
         """What follows from each fault.
 
         Parameters
@@ -202,8 +201,6 @@ class FaultModel(VerilatedModel):
             Input port to numbers in the port's unit, shape (N, channels), or (N,) for one channel; all finite.
         second : int
             Updates of a channel in a second.
-        progress : callable or None
-            Called from time to time with the number of faults done.
 
         Returns
         -------
@@ -229,7 +226,7 @@ class FaultModel(VerilatedModel):
             file.write_bytes(np.stack(columns, axis=-1).astype("<u8").tobytes())
             answer = self._answer(
                 [str(file), *map(str, (self.core.latency, GAP, second, HORIZON))], rows,
-                ("number", "outcome", "restored", "error", "updates"), progress)
+                ("number", "outcome", "restored", "error", "updates"))
         found = [Verdict(Outcome(outcome), bool(restored), error / 1000, updates) for outcome, restored, error, updates
                  in zip(*(answer[name].tolist() for name in ("outcome", "restored", "error", "updates")), strict=True)]
         return [found[index] for index in np.argsort(answer["number"])]

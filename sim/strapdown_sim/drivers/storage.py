@@ -1,9 +1,12 @@
 """What a generated Verilog file stores: its registers, its memories and its ROM, as Verilator names them."""
 
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
-__all__ = ["MEMORY", "REGISTER", "ROM", "Storage", "exposed", "storage"]
+from strapdown.export import without_comments
+
+__all__ = ["CONSTANTS", "MEMORY", "REGISTER", "ROM", "Storage", "exposed", "storage", "unfilled"]
 
 REGISTER, MEMORY, ROM = "register", "memory", "ROM"
 
@@ -24,11 +27,16 @@ TABLE = re.compile(rf"^( *)case \((.*)\)\n(?={COMMENTS} *\d+'[bh]0+: (?P<target>
 
 VALUE = re.compile(r"^ *\d+'[bh][0-9a-f]+: \w+ <?= (\d+)('[bh][0-9a-f]+);", re.MULTILINE)
 
+BASES = {"h": 16, "b": 2}
+
 OWN = "__register"
 """What follows the name of a port in the name of its register in an exposed text."""
 
 TABLE_OWN = "_rom"
 """What follows the name of a signal in the name of the ROM that it is read from."""
+
+CONSTANTS = "constants" + TABLE_OWN
+"""The ROM of constants in an unfilled text."""
 
 
 class Storage(NamedTuple):
@@ -136,3 +144,40 @@ def _with_memories(body):
 
     body = TABLE.sub(memory, body)
     return "".join(memories) + body
+
+
+def unfilled(text: str, words: Sequence[int]) -> str:
+    """The same circuit without comments, with an empty memory CONSTANTS in place of the engine's ROM of constants.
+
+    Cores that differ only in their constants have one unfilled text.
+
+    Parameters
+    ----------
+    text : str
+        Verilog, as the generator writes it.
+    words : sequence of int
+        Contents of the ROM, by which it is found.
+
+    Raises: ValueError if the text has no such ROM, or several.
+    """
+    widths = []
+
+    def memory(found):
+        indent, address, target, operator, rows = found.groups()
+        values = VALUE.findall(rows)
+        if [int(value[2:], BASES[value[1]]) for _, value in values] != list(words):
+            return found[0]
+        widths.append(int(values[0][0]))
+        return f"{indent}{target} {operator} {CONSTANTS}[{address}];\n"
+
+    def module(found):
+        head, _, body, end = found.groups()
+        known = len(widths)
+        body = TABLE.sub(memory, body)
+        declared = "".join(f"  reg [{width - 1}:0] {CONSTANTS} [0:{len(words) - 1}];\n" for width in widths[known:])
+        return head + declared + body + end
+
+    text = MODULE.sub(module, without_comments(text))
+    if len(widths) != 1:
+        raise ValueError(f"{len(widths)} tables have the constants of the engine, not one")
+    return text

@@ -44,7 +44,8 @@ class StreamModel:
                           f"{engine}main_memory[{address} + 2 * dut->out_channel + {bank}]")
                    for word, address in program.state.items()}
         outputs = (*system.output_ports, "out_channel", *([system.status_port] if system.status_port else []))
-        self._model = VerilatedModel(verilog, Interface.of_core(core, outputs=outputs, probes=probes), build)
+        self._model = VerilatedModel(verilog, Interface.of_core(
+            core, outputs=outputs, probes=probes, constants=program.constant_words), build)
 
     def update(self, channels: ArrayLike, inputs: Mapping[str, ArrayLike], idle: ArrayLike = 0, *,
                progress: Callable[[int], object] | None = None) -> dict[str, np.ndarray]:

@@ -15,7 +15,8 @@
 //                   the answer, at each FINISH, holds the outputs, the probes, the number of the row
 //                   and those of the edges that took the sample and raised FINISH
 //
-// Stimulus comes in on standard input, answers go out on standard output as they arise.
+// Stimulus comes in on standard input, after the constants of the engine if the model is made without them; answers go
+// out on standard output as they arise.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -77,6 +78,15 @@ static void reset() {
     dut->RESET = !RESET_ACTIVE;
     // It acts a little longer.
     for (int cycle = 0; cycle < 3; cycle++) tick();
+#endif
+}
+
+static void fill() {
+#ifdef CONSTANTS
+    for (auto &constant : dut->rootp->CONSTANTS.m_storage) {
+        uint64_t word = 0;
+        if (fread(&word, sizeof word, 1, stdin) == 1) constant = word;
+    }
 #endif
 }
 
@@ -196,6 +206,7 @@ int main(int argc, char **argv) {
 #ifdef ENABLE
     dut->ENABLE = 1;
 #endif
+    fill();
     reset();
     if (argc == 2 && !strcmp(argv[1], "stream")) {
         stream();

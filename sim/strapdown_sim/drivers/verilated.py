@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..cache import Cache, digest
+from .storage import CONSTANTS, unfilled
 from .toolchain import compile_flags, compiler, run_tool, verilator_environment, verilator_root, verilator_runtime
 
 __all__ = ["Interface", "VerilatedModel", "Waves"]
@@ -43,6 +44,9 @@ class Interface:
     probes : dict
         Internal signals to read after a transaction: maps a name to (module, variable, C++ expression
         under the Verilated root).
+    constants : tuple of int
+        Contents of the ROM of constants of a core's engine. The model is made without them, and gets them at the start
+        of each run, so that cores that differ in no more share a model. Empty: the ROM is a part of the model.
     """
 
     top: str
@@ -56,6 +60,12 @@ class Interface:
     reset_active: int = 0
     enable: str = ""
     probes: dict[str, tuple[str, str, str]] = field(default_factory=dict)
+    constants: tuple[int, ...] = ()
+
+    @property
+    def filled(self):
+        """The constants that the model gets: those of a ROM. A single one is a part of the circuit."""
+        return self.constants if len(self.constants) > 1 else ()
 
     @classmethod
     def of_core(cls, core, **fields):
@@ -69,8 +79,11 @@ class Interface:
 
     def access(self):
         """Verilator's configuration that keeps the inner signals, and lets the driver see them."""
-        return "".join(sorted({f'public_flat_rd -module "{module}" -var "{variable}"\n'
-                               for module, variable, _ in self.probes.values()}))
+        variables = {(module, variable) for module, variable, _ in self.probes.values()}
+        if self.filled:
+            variables.add((f"{self.top}_engine", CONSTANTS))
+        return "".join(sorted(f'public_flat_rd -module "{module}" -var "{variable}"\n'
+                              for module, variable in variables))
 
     def header(self):
         """The C++ header that describes these ports for the driver."""
@@ -84,6 +97,8 @@ class Interface:
             lines += [f"#define START {self.start}", f"#define FINISH {self.finish}"]
         if self.ready:
             lines.append(f"#define READY {self.ready}")
+        if self.filled:
+            lines.append(f"#define CONSTANTS {self.top}__DOT__engine__DOT__{CONSTANTS}")
         for kind, names in (("INPUT", self.inputs), ("OUTPUT", self.outputs),
                             ("PROBE", [expression for _, _, expression in self.probes.values()])):
             lines += [f"#define {kind}_COUNT {len(names)}",
@@ -118,8 +133,8 @@ class VerilatedModel:
     interface : Interface
         Its ports.
     build : Path
-        Folder for everything that is made; a model whose modules and interface did not change
-        is not built again.
+        Folder for everything that is made; a model whose modules and interface did not change, except for the
+        constants, is not built again.
     waves : bool
         Whether the model keeps a waveform in ``transact``. It is slower, and a build of its own.
 
@@ -138,17 +153,20 @@ class VerilatedModel:
         driver = self.DRIVER.read_text(encoding="utf-8")
         # A header of another wording makes the same model.
         modules = re.sub(r"^//.*\n", "", Path(verilog).read_text(encoding="utf-8"), flags=re.MULTILINE)
+        if interface.filled:
+            modules = unfilled(modules, interface.filled)
         key = digest(modules, interface.header(), interface.access(), driver,
                      *self._flags, str(verilator_root()))[:16]
 
         def make(folder):
             compiler()
-            self._build(Path(verilog).resolve(), folder, driver, *verilator_runtime(build / "runtime"))
+            self._build(modules, folder, driver, *verilator_runtime(build / "runtime"))
 
         self._executable = Cache(build).named(f"{interface.top}-{key}", make) / "model"
 
-    def _build(self, verilog, partial, driver, objects, header):
+    def _build(self, modules, partial, driver, objects, header):
         partial.mkdir()
+        (partial / f"{self.interface.top}.v").write_text(modules, encoding="utf-8")
         (partial / "ports.h").write_text(self.interface.header(), encoding="utf-8")
         (partial / "main.cpp").write_text(driver, encoding="utf-8")
         (partial / "probes.vlt").write_text("`verilator_config\n" + self.interface.access(), encoding="utf-8")
@@ -156,7 +174,7 @@ class VerilatedModel:
         # The script beside it does not quote its own path, which may have spaces.
         run_tool([root / "bin" / "verilator_bin", "--cc", "-Wno-fatal", "-Wno-lint", "-O3", "--x-assign", "unique",
                   "--no-timing", *(["--trace-vcd"] if self._waves else []), "--top-module", self.interface.top,
-                  "--Mdir", partial, partial / "probes.vlt", verilog],
+                  "--Mdir", partial, partial / "probes.vlt", partial / f"{self.interface.top}.v"],
                  environment=verilator_environment())
         # One translation unit, because the headers of Verilator are longer than its code for a core. The parts that
         # Verilator calls slow run once, but g++ would take the longest time to optimise them.
@@ -246,11 +264,12 @@ class VerilatedModel:
 
     def _answer(self, arguments, rows, names, progress=None, *, fewer=False):
         """What the model answers to rows of numbers: name to column, one row for each, or ``fewer``."""
+        constants = np.array(self.interface.filled, "<u8")
         view = bytearray(len(rows) * len(names) * 8)
         with subprocess.Popen([self._executable, *arguments], stdin=subprocess.PIPE,
                               stdout=subprocess.PIPE) as process:
             assert process.stdout is not None
-            feeder = threading.Thread(target=_feed, args=(process.stdin, rows))
+            feeder = threading.Thread(target=_feed, args=(process.stdin, constants, rows))
             feeder.start()
             received = 0
             try:
@@ -274,7 +293,8 @@ class VerilatedModel:
         return {name: answer[:, column] for column, name in enumerate(names)}
 
 
-def _feed(pipe, rows):
+def _feed(pipe, *arrays):
     # A model that ends early takes no more rows; its exit status shows this.
     with suppress(BrokenPipeError), pipe:
-        pipe.write(rows.tobytes())
+        for array in arrays:
+            pipe.write(array.data)

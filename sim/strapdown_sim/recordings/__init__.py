@@ -22,25 +22,42 @@ from .blackbox import MAGIC as BLACKBOX_MAGIC
 from .blackbox import read_blackbox
 from .dataflash import is_dataflash, read_dataflash
 from .extra import needed
-from .kitti import is_kitti, read_kitti
+from .kitti import is_kitti, is_kitti_drive, read_kitti
 from .log import Log, Stream
 from .merge import recording_of, recordings_of
 from .npz import read_npz
 from .plain_csv import read_csv
-from .recording import STANDARD_GRAVITY, Recording, RecordingError, Reference, Timing, Track, listing
-from .sensor_files import is_sensor_files, read_sensor_files
+from .recording import (
+    STANDARD_GRAVITY,
+    NotARecordingError,
+    PartError,
+    Recording,
+    RecordingError,
+    Reference,
+    Timing,
+    Track,
+    listing,
+)
+from .sensor_files import is_euroc, is_sensor_files, read_sensor_files
 from .table import looks_like_table
 from .ulog import MAGIC as ULOG_MAGIC
 from .ulog import read_ulog
 from .ulog_csv import is_ulog_csv, read_ulog_csv
 from .x_imu import X_IMU_RATE_HZ
 
-__all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Format", "Log", "Recording", "RecordingError", "Reference",
-           "Stream", "Timing", "Track", "read_log", "read_recording", "recording_of",
-           "recordings_of"]
+__all__ = ["FORMATS", "STANDARD_GRAVITY", "X_IMU_RATE_HZ", "Choice", "Format", "Log", "NotARecordingError", "PartError",
+           "Recording", "RecordingError", "Reference", "Stream", "Timing", "Track", "is_one_log", "read_log",
+           "read_recording", "recording_of", "recordings_of"]
 
 HEAD_BYTES = 4096
 """Bytes of a file that are read to recognise its format."""
+
+
+class Choice(NamedTuple):
+    """What of a log is used: options of ``read_log``, and options of ``recording_of``."""
+
+    reading: dict[str, Any]
+    merging: dict[str, Any]
 
 
 class Format(NamedTuple):
@@ -112,6 +129,11 @@ REFUSALS = {"sample_rate_hz": "the file contains its time; leave out the sample 
             "log": "the file has one log; leave out --log"}
 
 
+def is_one_log(folder: Path) -> bool:
+    """Whether a folder is a log by its structure: a ROS 2 bag, a drive of KITTI, a set of EuRoC."""
+    return is_bag(folder, b"") or is_kitti_drive(folder) or is_euroc(folder)
+
+
 def read_log(path: str | os.PathLike, **options: Any) -> Log:
     """Read the streams of a file.
 
@@ -144,7 +166,7 @@ def read_log(path: str | os.PathLike, **options: Any) -> Log:
             return _unpacked(path, unpack, given)
         form = next((form for form in FORMATS if form.recognises(path, head)), None)
         if form is None:
-            raise RecordingError(f"{path}: {_nothing(path, head)}")
+            raise NotARecordingError(f"{path}: {_nothing(path, head)}")
         for name in given:
             if name not in form.options:
                 raise RecordingError(f"{path}: {REFUSALS[name]}")
@@ -191,7 +213,7 @@ def _unpacked(path, unpack, given):
         while inner.is_dir() and len(files := _visible(inner)) == 1:
             inner = files[0]
         try:
-            return replace(read_log(inner, **given), path=path)
+            return replace(read_log(inner, **given), path=path, beside=())
         except RecordingError as error:
             raise RecordingError(str(error).replace(str(inner), str(path))) from None
 
@@ -213,7 +235,7 @@ def _refuse_others(path, head):
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     for magic, what in OTHERS:
         if start.startswith(magic):
-            raise RecordingError(f"{path}: this is {what}")
+            raise NotARecordingError(f"{path}: this is {what}")
 
 
 def _nothing(path, head):

@@ -13,7 +13,7 @@ import numpy as np
 from .log import ACCEL, ATTITUDE, GYRO, POSITION, VELOCITY, Log, Stream, own_estimate, quaternion_from_angles
 from .recording import RecordingError
 
-__all__ = ["is_kitti", "read_kitti"]
+__all__ = ["is_kitti", "is_kitti_drive", "read_kitti"]
 
 NUMBERS = 30
 """Numbers of a record."""
@@ -32,6 +32,11 @@ def is_kitti(path, head):
 def _is_record(head):
     line = head.split(b"\n")[0].split()
     return len(line) == NUMBERS and all(re.fullmatch(rb"[-+0-9.eE]+", cell) for cell in line)
+
+
+def is_kitti_drive(folder):
+    """Whether a folder is one drive: it has the folder of the records in it, or in its folder ``oxts``."""
+    return _records(folder) in (folder / "oxts", folder)
 
 
 def _records(path):

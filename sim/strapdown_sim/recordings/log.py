@@ -76,6 +76,8 @@ class Log:
         The sample rate, if the file has no time stamps, or says it more exactly than they do.
     stamped : bool
         Whether the file has time stamps. Without, samples are equidistant.
+    beside : tuple of Path
+        Files that belong to it, if they exist, beside the file of ``path``.
     place : callable
         ``place(row)`` names a row of the gyro's samples in messages.
     """
@@ -86,6 +88,7 @@ class Log:
     notes: tuple[str, ...] = ()
     rate_hz: float | None = None
     stamped: bool = True
+    beside: tuple[Path, ...] = ()
     place: Callable[[int], str] = field(default=lambda row: f"sample {row}")
 
     @property

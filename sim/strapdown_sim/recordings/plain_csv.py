@@ -12,8 +12,8 @@ from .blackbox import one_g
 from .columns import COUNTER, NAMES, TIME, columns_of, scaled, seconds, streams_of, unit_of_steps
 from .dialects import dialect_of, units_of_values
 from .log import ACCEL, ATTITUDE, GYRO, MAG, PRESSURE, Log, Stream, interpolated, own_estimate
-from .recording import STANDARD_GRAVITY, RecordingError
-from .table import Table, decoded, parse_table
+from .recording import STANDARD_GRAVITY, NotARecordingError, PartError, RecordingError
+from .table import Table, decoded, holds_numbers, parse_table
 from .x_imu import x_imu_log
 
 __all__ = ["attitude_streams", "kind_of_name", "read_csv", "table_log"]
@@ -32,7 +32,12 @@ def read_csv(path: Path, *, columns: Mapping[str, str] | None = None, sample_rat
              reference: str | os.PathLike | None = None) -> Log:
     """The Log of a text file. Raises: RecordingError."""
     text = decoded(path.read_bytes())
-    return table_log(parse_table(path, text), given=columns, sample_rate_hz=sample_rate_hz, reference=reference)
+    try:
+        return table_log(parse_table(path, text), given=columns, sample_rate_hz=sample_rate_hz, reference=reference)
+    except RecordingError as error:
+        if holds_numbers(text):
+            raise
+        raise NotARecordingError(str(error)) from None
 
 
 def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_rate_hz: float | None = None,
@@ -48,8 +53,8 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
     missing = [kind for kind in (GYRO, ACCEL) if kind not in found.of]
     alone = next((NAMES[kind].lower() for kind in (GYRO, ACCEL, ATTITUDE) if kind in found.of), None)
     if missing and alone and kind_of_name(table.path):
-        raise RecordingError(f"{table.path}: only the {alone} is in this file; replay the folder with the files of all "
-                             f"sensors: {table.path.parent}")
+        raise PartError(f"{table.path}: only the {alone} is in this file; replay the folder with the files of all "
+                        f"sensors: {table.path.parent}", table.path.parent)
     if missing and table.header[0] == "1":
         raise RecordingError(f"{table.path}: line {table.lines[0]} holds numbers, and no line before it names "
                              f"{len(table.header)} columns: name them by their numbers, as in --columns time=1:ms "
@@ -103,7 +108,7 @@ def table_log(table: Table, *, given: Mapping[str, str] | None = None, sample_ra
         lines = lines[np.isfinite(table.values[:, [column.number for column in found.of[GYRO]]]).all(axis=1)]
     form = f"table of text, {dialect.name}" if dialect else "table of text"
     return Log(table.path, form, tuple(streams), notes=tuple(notes), rate_hz=rate, stamped=stamped,
-               place=lambda row: f"line {lines[row]}")
+               beside=_others(table.path), place=lambda row: f"line {lines[row]}")
 
 
 def _xsens(table, found, sample_rate_hz):
@@ -156,14 +161,17 @@ def _blackbox(table, found):
     return replace(table, values=values), units, notes
 
 
+def _others(path):
+    """Files that belong to an x-IMU3's ``Inertial.csv``, or an NGIMU's ``sensors.csv``."""
+    if "Inertial" in path.name:
+        return tuple(path.with_name(path.name.replace("Inertial", other)) for other in BESIDE)
+    return (path.with_name("quaternion.csv"),) if path.name == "sensors.csv" else ()
+
+
 def _beside(table, found, notes):
-    """Streams of the files beside an x-IMU3's ``Inertial.csv`` and an NGIMU's ``sensors.csv``."""
-    name = table.path.name
-    if "Inertial" in name:
-        others = [table.path.with_name(name.replace("Inertial", other)) for other in BESIDE]
-    elif name == "sensors.csv":
-        others = [table.path.with_name("quaternion.csv")]
-    else:
+    """Streams of the files beside the file of an inertial sensor."""
+    others = _others(table.path)
+    if not others:
         return
     force = scaled(table, found.of[ACCEL])[0]
     time_s = seconds(table, found.of[TIME][0])

@@ -1,17 +1,30 @@
 """A recording: samples of one inertial measurement unit in fixed units, and the checks common to all formats."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-__all__ = ["STANDARD_GRAVITY", "Recording", "RecordingError", "Reference", "Timing", "Track", "check_gravity",
-           "listing", "mean_rate", "unit_quaternions"]
+__all__ = ["STANDARD_GRAVITY", "NotARecordingError", "PartError", "Recording", "RecordingError", "Reference", "Timing",
+           "Track", "check_gravity", "listing", "mean_rate", "unit_quaternions"]
 
 STANDARD_GRAVITY = 9.80665
 """One g in m/s^2 (ISO 80000-3)."""
 
 class RecordingError(ValueError):
     """A recording cannot be used. The message is one line that names file, place and remedy."""
+
+
+class NotARecordingError(RecordingError):
+    """A file is no recording at all: its format is not known, or it is text without a table of numbers."""
+
+
+class PartError(RecordingError):
+    """A file has one sensor of a recording, whose folder ``whole`` is to be read in its place."""
+
+    def __init__(self, message: str, whole: Path) -> None:
+        super().__init__(message)
+        self.whole = whole
 
 
 @dataclass(frozen=True, eq=False)

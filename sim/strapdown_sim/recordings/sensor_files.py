@@ -29,7 +29,7 @@ from .plain_csv import attitude_streams, kind_of_name, table_log
 from .recording import RecordingError, listing
 from .table import decoded, parse_table
 
-__all__ = ["is_sensor_files", "read_sensor_files"]
+__all__ = ["is_euroc", "is_sensor_files", "read_sensor_files"]
 
 ENDINGS = ".csv", ".txt"
 
@@ -44,6 +44,11 @@ TRUTH = "state_groundtruth_estimate0", "mocap0"
 def is_sensor_files(path, head):
     """Whether a path is a folder with files of text."""
     return path.is_dir() and bool(_files(path))
+
+
+def is_euroc(folder):
+    """Whether a folder is one set of EuRoC: ``imu0`` is in it, or in its folder ``mav0``."""
+    return any(True for place in (folder, folder / "mav0") for _ in place.glob("imu*/data.csv"))
 
 
 def _files(folder):

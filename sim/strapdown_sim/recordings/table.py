@@ -15,7 +15,7 @@ import numpy as np
 from .recording import RecordingError
 from .units import UNITS, factor
 
-__all__ = ["PACKET", "Table", "looks_like_table", "parse_table", "read_table", "require"]
+__all__ = ["PACKET", "Table", "holds_numbers", "looks_like_table", "parse_table", "read_table", "require"]
 
 PACKET = "Packet number"
 
@@ -101,6 +101,12 @@ def looks_like_table(head: bytes) -> bool:
     """Whether the first bytes of a file are text."""
     text = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" not in head or _utf16(head) is not None
     return bool(head) and text
+
+
+def holds_numbers(text: str) -> bool:
+    """Whether at least half of the lines of a text, of those that are looked at, are numbers."""
+    found = _spread(text.splitlines())
+    return 2 * sum(numeric is not None for numeric in found) >= max(len(found), 1)
 
 
 def parse_table(path: Path, text: str) -> Table:
@@ -267,12 +273,16 @@ def _decimal_comma(delimiter, cell):
         delimiter != "," or not re.fullmatch(r"\s*[-+]?[1-9]\d{0,2}(,\d{3})+\s*", cell))
 
 
-def _usual_width(lines):
-    """Delimiter and number of cells of most lines in the file, or None if it has no numbers."""
+def _spread(lines):
+    """Delimiter and cells of some lines all over the file, None for one that does not hold numbers."""
     rows = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT)]
     places = [len(rows) * part // SAMPLES for part in range(1, SAMPLES)] if len(rows) > 1 else []
-    found = [numeric for place in places if (numeric := _numeric(rows[place].strip(), rows[place - 1:place]))]
-    counts = Counter((delimiter, len(cells)) for delimiter, cells in found)
+    return [_numeric(rows[place].strip(), rows[place - 1:place]) for place in places]
+
+
+def _usual_width(lines):
+    """Delimiter and number of cells of most lines in the file, or None if it has no numbers."""
+    counts = Counter((numeric[0], len(numeric[1])) for numeric in _spread(lines) if numeric)
     return counts.most_common(1)[0][0] if counts else None
 
 

@@ -45,4 +45,5 @@ def read_ulog_csv(path):
     streams = streams_of_topics(topics)
     if not any(stream.kind == GYRO for stream in streams):
         raise RecordingError(f"{path}: no table of {', '.join(GYROS)} can be read; write them with ulog2csv")
-    return Log(path, "ULog topics as CSV", tuple(streams))
+    beside = tuple(file for file in files if file != path and _topic(file)[0] == prefix) if path.is_file() else ()
+    return Log(path, "ULog topics as CSV", tuple(streams), beside=beside)

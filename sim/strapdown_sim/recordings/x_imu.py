@@ -55,7 +55,8 @@ def x_imu_log(table: Table, found: Columns, sample_rate_hz: float | None,
         reference = sibling
     if reference is not None:
         streams.append(_device_attitude(table, packets, Path(reference), rate))
-    return Log(path, "x-IMU export", tuple(streams), rate_hz=rate, stamped=False,
+    beside = tuple(other for name in ("_Quaternion", "_Registers") if (other := _beside(path, name)) != path)
+    return Log(path, "x-IMU export", tuple(streams), rate_hz=rate, stamped=False, beside=beside,
                place=lambda row: f"line {table.lines[row]}")
 
 

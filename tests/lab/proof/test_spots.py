@@ -76,8 +76,8 @@ def test_command_records_runs(folder, monkeypatch):
     assert "| `tsl1402` | 500 |" in spots.table(stored)
     assert spots.table({}) == "No run is entered yet."
 
-    monkeypatch.setattr(spots, "check", lambda *_: (stored | {"tsl1402": stored["tsl1402"] | {"mismatches": 1}},
-                                                    ["tsl1402: line 7 gives 0 not 1"]))
+    monkeypatch.setattr(spots, "check", lambda *_, **options: (
+        stored | {"tsl1402": stored["tsl1402"] | {"mismatches": 1}}, ["tsl1402: line 7 gives 0 not 1"]))
     result = CliRunner().invoke(proof.main, ["spots", "--only", "tsl1402"])
     assert result.exit_code == 1
     assert result.output.splitlines()[-1] == "  tsl1402: line 7 gives 0 not 1"
