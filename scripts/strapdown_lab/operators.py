@@ -141,12 +141,15 @@ class FullRun:
         The function of exhaustive.cpp that computes the expected results.
     meaning : str
         Description for docs/proof.md.
+    modes : dict
+        Maps members of the operator to constants.
     """
 
     name: str
     make: Callable[[], Any]
     expectation: str
     meaning: str
+    modes: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -280,7 +283,10 @@ OPERATORS = (
         FpTableReciprocal, partial(special.table_reciprocal_table, FpTableReciprocal),
         parameters={"format": FLUSH}, choices=_DEEP,
         measured=(Measured([(FLUSH,)], _DEEP, "reciprocal and its root by table", _is_default_or_deep),),
-        control=(Variants([(FloatFormat(3, 9).with_subnormals("flush"),)], _DEEP),)),
+        control=(Variants([(FloatFormat(3, 9).with_subnormals("flush"),)], _DEEP),),
+        full_runs=tuple(FullRun(f"table_{name}", partial(FpTableReciprocal, FLUSH), f"table_{name}",
+                                f"{name.replace('_', ' ')} by table, flushed, within 0.88 ulp", {"square_root": root})
+                        for root, name in enumerate(("reciprocal", "reciprocal_square_root")))),
     OperatorEntry(
         FpCompare, partial(special.compare_tables, FpCompare),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "compare"),), control=(Variants([(SMALL,)], _DEEP),),

@@ -4,8 +4,9 @@
 //
 //   MODEL EXPECTATION FLUSH LATENCY INTERVAL FIRST COUNT
 //
-// FLUSH is 1 if subnormals count as zeros; COUNT is a multiple of the number of copies. Prints a line "operand got wanted" in hexadecimal for each of the
-// first ten mismatches, then a line with the number of mismatches. Status 3: done came in a wrong cycle.
+// FLUSH is 1 if subnormals count as zeros; COUNT is a multiple of the number of copies. Prints a line "operand got
+// wanted" in hexadecimal for each of the first ten mismatches, then a line with the number of mismatches. Status 3: done
+// came in a wrong cycle.
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -30,9 +31,9 @@ static uint32_t encoding(float value) {
 }
 
 // IEEE 754 requires the host's square root and conversion to be correctly rounded, to nearest even.
-static uint32_t square_root(uint32_t bits) { return encoding(sqrtf(number(bits))); }
+static uint32_t square_root(uint32_t bits, uint32_t) { return encoding(sqrtf(number(bits))); }
 
-static uint32_t from_int32(uint32_t bits) { return encoding(float(int32_t(bits))); }
+static uint32_t from_int32(uint32_t bits, uint32_t) { return encoding(float(int32_t(bits))); }
 
 // A finite positive number as significand * 2**exponent, the significand at least 2**23.
 static uint64_t significand(uint32_t bits, int *exponent) {
@@ -44,7 +45,7 @@ static uint64_t significand(uint32_t bits, int *exponent) {
 }
 
 // In integers: the greatest r with (2r - 1)**2 * x <= 2**(2n + 2), so r is 2**n / sqrt(x) rounded to nearest.
-static uint32_t reciprocal_square_root(uint32_t bits) {
+static uint32_t reciprocal_square_root(uint32_t bits, uint32_t) {
     uint32_t size = bits & ~SIGN;
     if (size > INFINITE) return QUIET;
     if (size == 0) return INFINITE | bits;
@@ -61,6 +62,27 @@ static uint32_t reciprocal_square_root(uint32_t bits) {
     while ((unsigned __int128)(2 * r - 1) * (2 * r - 1) * x > limit) r--;
     // r * 2**(-n - exponent / 2). Ties do not occur: a tie would have more bits than a power of four gives.
     return encoding(float(std::ldexp(double(r), -n - exponent / 2)));
+}
+
+// ``got`` if it is within the bound of FpTableReciprocal of the exact value, else the value rounded to nearest. The exact
+// value has 64 significant bits. Results below the least normal number are zero.
+static uint32_t near(long double exact, uint32_t got) {
+    const long double error = std::fabs(number(got) - exact);
+    if (error <= 0.88L * std::ldexp(1.0L, std::ilogb(exact) - 23)) return got;
+    return std::fabs(exact) < number(LEAST_NORMAL) ? std::signbit(exact) ? SIGN : 0 : encoding(float(exact));
+}
+
+static uint32_t table_reciprocal(uint32_t bits, uint32_t got) {
+    uint32_t size = bits & ~SIGN;
+    if (size > INFINITE) return QUIET;
+    if (size == 0 || size == INFINITE) return (bits & SIGN) | (INFINITE - size);
+    return near(1 / (long double)number(bits), got);
+}
+
+static uint32_t table_reciprocal_square_root(uint32_t bits, uint32_t got) {
+    uint32_t size = bits & ~SIGN;
+    if (size == 0 || size >= INFINITE || bits & SIGN) return reciprocal_square_root(bits, got);
+    return near(1 / std::sqrt((long double)number(bits)), got);
 }
 
 // In integers: magnitude * 2**fraction_bits, cut off, and a comparison of the rest with one half.
@@ -90,16 +112,18 @@ static uint32_t to_fixed(uint32_t bits, int width, int fraction_bits) {
     return uint32_t(negative ? -magnitude : magnitude) & mask;
 }
 
-static uint32_t to_int32(uint32_t bits) { return to_fixed(bits, 32, 0); }
-static uint32_t to_fixed16(uint32_t bits) { return to_fixed(bits, 16, 14); }
+static uint32_t to_int32(uint32_t bits, uint32_t) { return to_fixed(bits, 32, 0); }
+static uint32_t to_fixed16(uint32_t bits, uint32_t) { return to_fixed(bits, 16, 14); }
 
 static const struct {
     const char *name;
-    uint32_t (*function)(uint32_t);
+    uint32_t (*function)(uint32_t operand, uint32_t got);
     bool takes_float, gives_float;
 } EXPECTATIONS[] = {
     {"square_root", square_root, true, true},
     {"reciprocal_square_root", reciprocal_square_root, true, true},
+    {"table_reciprocal", table_reciprocal, true, true},
+    {"table_reciprocal_square_root", table_reciprocal_square_root, true, true},
     {"to_int32", to_int32, true, false},
     {"to_fixed16", to_fixed16, true, false},
     {"from_int32", from_int32, false, true},
@@ -147,7 +171,8 @@ int main(int argc, char **argv) {
             };
             for (uint32_t got : results) {
                 const uint32_t operand = uint32_t(first + taken++);
-                uint32_t wanted = expectation->function(flush && expectation->takes_float ? flushed(operand) : operand);
+                uint32_t wanted = expectation->function(flush && expectation->takes_float ? flushed(operand) : operand,
+                                                        got);
                 if (flush && expectation->gives_float) wanted = flushed(wanted);
                 if (got != wanted && mismatches++ < 10) printf("%08x %08x %08x\n", operand, got, wanted);
             }

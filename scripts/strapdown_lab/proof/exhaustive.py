@@ -35,13 +35,15 @@ RUNS = {run.name: run for entry in OPERATORS for run in entry.full_runs}
 class Lanes(wiring.Component):
     """Parallel copies of an operator, started together. They make the overhead of the simulator small.
 
+    ``modes`` maps members of the operator to constants.
+
     Members ``operand_<n>``, ``result_<n>``; ``start``; ``done``, one bit per copy.
     """
 
     COUNT = 4
 
-    def __init__(self, make):
-        self._copies = [make() for _ in range(self.COUNT)]
+    def __init__(self, make, modes):
+        self._copies, self._modes = [make() for _ in range(self.COUNT)], modes
         super().__init__({**{name: In(32) for name in self.operands}, "start": In(1),
                           **{name: Out(len(Value.cast(self.operator.result))) for name in self.results},
                           "done": Out(self.COUNT)})
@@ -67,7 +69,8 @@ class Lanes(wiring.Component):
             m.submodules[f"lane_{lane}"] = op
             port = Value.cast(op.operand if hasattr(op, "operand") else op.a)
             m.d.comb += [port.eq(getattr(self, operand)), op.start.eq(self.start),
-                         getattr(self, result).eq(Value.cast(op.result)), self.done[lane].eq(op.done)]
+                         getattr(self, result).eq(Value.cast(op.result)), self.done[lane].eq(op.done),
+                         *(getattr(op, member).eq(value) for member, value in self._modes.items())]
         return m
 
 
@@ -104,7 +107,7 @@ class Run:
         self.name, self.subject = name, RUNS[name]
         build.mkdir(parents=True, exist_ok=True)
         source = build / f"{name}.v"
-        lanes = Lanes(self.subject.make)
+        lanes = Lanes(self.subject.make, self.subject.modes)
         self.operator = lanes.operator
         source.write_text(to_verilog(lanes, "lanes"), encoding="utf-8")
         driver = ExhaustiveModel.DRIVER.read_text(encoding="utf-8")

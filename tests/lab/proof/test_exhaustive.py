@@ -31,7 +31,7 @@ def run_of(name, folder):
         pytest.skip(str(error))
 
 
-@pytest.mark.parametrize("name", ["rsqrt", "to_fixed16", "from_int32"])
+@pytest.mark.parametrize("name", ["rsqrt", "table_reciprocal_square_root", "to_fixed16", "from_int32"])
 def test_samples_agree(name, folder):
     run = run_of(name, folder)
     for first in RANGES:
