@@ -20,7 +20,7 @@ from strapdown_sim.recordings import RecordingError
 from .report.compare import CommitError, comparison_table, earlier_circuits, present_circuits
 from .report.compare import compare as compare_circuits
 from .report.cores import BUSES, CORES
-from .report.families import VARIANTS, measure_families
+from .report.families import UNMEASURED, measure_families, variants
 from .report.measure import bus_design, core_design, measure, operator_design, provenance
 from .report.operators import MEASURED
 from .report.report import write_buses, write_cores, write_families, write_json, write_operators, write_page
@@ -108,9 +108,8 @@ def print_vivado(utilization, timing):
 
 
 @click.command()
-@click.option("--config", "config_names", multiple=True,
-              type=click.Choice(list(dict.fromkeys(variant.config.name for variant in VARIANTS))),
-              help="Measure only this configuration. May be repeated.")
+@click.option("--config", "config_names", type=click.Choice([name for name in CONFIGS if name not in UNMEASURED]),
+              multiple=True, help="Measure only this configuration. May be repeated.")
 @click.option("--family", "family_names", type=click.Choice([family.name for family in FAMILIES]), multiple=True,
               help="Measure only in this family. May be repeated.")
 @click.option("--place/--no-place", default=True, show_default=True, help="Place and route, for the clock frequency.")
@@ -124,12 +123,12 @@ def families(config_names, family_names, place, output, build, **where):
 
     Results are kept: an interrupted run continues where it stopped.
     """
-    variants = [variant for variant in VARIANTS if not config_names or variant.config.name in config_names]
+    measured = [variant for variant in variants() if not config_names or variant.config.name in config_names]
     chosen = [family for family in FAMILIES if not family_names or family.name in family_names]
     try:
         with progress_bars() as bars:
-            task = bars.add_task("families", total=sum(len(variant.families(chosen)) for variant in variants))
-            result = measure_families(variants, chosen, Cache(build / "report" / "cache"), place=place,
+            task = bars.add_task("families", total=sum(len(variant.families(chosen)) for variant in measured))
+            result = measure_families(measured, chosen, Cache(build / "report" / "cache"), place=place,
                                       progress=partial(bars.advance, task), **where)
     except (JobsError, ToolMissingError) as error:
         raise UserError(str(error)) from None

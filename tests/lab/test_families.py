@@ -8,7 +8,7 @@ from strapdown.cores import THESIS
 from strapdown.tools import ToolError
 from strapdown_lab import docs
 from strapdown_lab.checkout import block
-from strapdown_lab.report.families import VARIANTS, circuit, family_lines, family_table
+from strapdown_lab.report.families import circuit, family_lines, family_table, variants
 from strapdown_lab.report.measure import core_circuit
 from strapdown_lab.synthesis import FAMILIES, families, synthesise
 from strapdown_sim.cache import Cache
@@ -68,7 +68,7 @@ def test_the_table_tells_what_fits_and_how_fast():
 
 
 def test_families_without_lut_ram_have_rows_with_operands_in_block_ram():
-    plain, in_block = (next(variant for variant in VARIANTS if (variant.config.name, variant.in_block) == key)
+    plain, in_block = (next(variant for variant in variants() if (variant.config.name, variant.in_block) == key)
                        for key in (("thesis_fast", False), ("thesis_fast", True)))
     assert [family.name for family in plain.families(FAMILIES)] == list(NAMED)
     assert [family.name for family in in_block.families(FAMILIES)] == ["iCE40", "GateMate", "Efinix"]
@@ -97,13 +97,13 @@ def figures(root):
 
 def test_figures_are_of_these_circuits(figures, make_module):
     known = [{key: value for key, value in row.items() if key != "families"} for row in figures["cores"]]
-    assert known == [circuit(variant, make_module)[0] for variant in VARIANTS], "make families measures them again"
+    assert known == [circuit(variant, make_module)[0] for variant in variants()], "make families measures them again"
 
 
 def test_figures_are_of_these_families(figures):
     assert list(figures["families"]) == list(NAMED)
     assert all(list(row["families"]) == [family.name for family in variant.families(FAMILIES)]
-               for row, variant in zip(figures["cores"], VARIANTS, strict=True))
+               for row, variant in zip(figures["cores"], variants(), strict=True))
 
 
 def test_tables_in_the_docs_are_those_of_the_figures(root, figures):

@@ -1,6 +1,6 @@
 """Each configuration in each FPGA family: cells, whether they fit a part, and the clock frequency after routing."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +16,7 @@ from strapdown_sim.jobs import outcome, submit_cached, workers
 from .cores import UNPLACED
 from .measure import core_circuit, cycles_of
 
-__all__ = ["VARIANTS", "Variant", "circuit", "family_lines", "family_table", "measure_families"]
-
-
-UNMEASURED = {"optical_tcd1304", "optical_s11639", "optical_erected"}
-"""Configurations that the table does not hold yet."""
+__all__ = ["UNMEASURED", "Variant", "circuit", "family_lines", "family_table", "measure_families", "variants"]
 
 
 @dataclass(frozen=True)
@@ -35,17 +31,18 @@ class Variant:
         return [family for family in chosen if not (self.in_block and family.lut_ram)]
 
 
-def _variants():
+UNMEASURED = {"optical_tcd1304", "optical_s11639", "optical_erected"}
+"""Configurations that the table does not hold yet."""
+
+
+def variants() -> Iterator[Variant]:
+    """The variants of the named configurations; those whose operand memory is not in block RAM have two."""
     for config in CONFIGS.values():
         if config.name in UNMEASURED:
             continue
         yield Variant(config)
         if config.engine_pool.operand_memory is not MemoryStyle.BLOCK:
             yield Variant(config.replace(operand_memory="block", side_memory="none"), in_block=True)
-
-
-VARIANTS = tuple(_variants())
-"""The named configurations of the table; those whose operand memory is not in block RAM twice."""
 
 
 def circuit(variant: Variant, make_module: Callable[..., Any] = make_module) -> tuple[dict[str, Any], str]:
