@@ -366,7 +366,8 @@ def _figures(log: _Log, result: _Replayed) -> dict[str, Any]:
         "gaps_bridged": len(timing["bridged_s"]),
         "samples_filled": timing["faults"].get("samples lost, filled in on a line", 0),
         "refused_updates": summary["refused_updates"],
-        "status": ", ".join(f"{name} {count:,}" for name, count in summary["updates_by_status"].items() if count),
+        "status": ", ".join(f"{name.replace('_', ' ')} {count:,}"
+                            for name, count in summary["updates_by_status"].items() if count),
         "bits_differing": summary["bits_differing_from_twin"], "wall_s": log.seconds + result.seconds,
         "error": refusal(summary) or None}
     if recorded := own.get("against_recorded_reference_deg"):
@@ -405,7 +406,6 @@ def write_table(batch: Batch, directory: Path, config: Config, *, html: bool = F
             write_table_page(partial / "batch.html", TablePage(
                 title=f"{len(batch.rows)} logs: {main_module(config)}, configuration {config.name}", columns=used,
                 rows=batch.rows, links={row["file"]: f"logs/{row['file']}" for row in batch.rows if row["samples"]},
-                panels={"error from what each log is compared with, RMS (°)": [
-                            "total_rms_deg", "inclination_rms_deg", "heading_rms_deg"],
-                        "error of the position, RMS (m)": ["horizontal_rms_m", "vertical_rms_m"],
-                        "largest angle to float64 (°)": ["float64_max_deg"]}))
+                panels={"RMS error (°)": ["total_rms_deg", "inclination_rms_deg", "heading_rms_deg"],
+                        "RMS error (m)": ["horizontal_rms_m", "vertical_rms_m"],
+                        "to float64 (°)": ["float64_max_deg"]}))

@@ -47,6 +47,20 @@ def phone(folder):
     (folder / "Metadata.csv").write_text("device,version\na,1\nb,2\n", encoding="utf-8")
 
 
+def topics(folder, prefix):
+    """A ULog file as tables of topics, two of which have a gyro."""
+    imu = "timestamp_sample", *(f"delta_{of}[{k}]" for of in ("angle", "velocity") for k in range(3)), \
+        "delta_angle_dt", "delta_velocity_dt"
+    for topic, columns, row in (
+            ("sensor_combined", [f"{of}[{k}]" for of in ("gyro_rad", "accelerometer_m_s2") for k in range(3)],
+             [0, 0, 0, 0, 0, -9.81]),
+            ("vehicle_imu", imu, [0, 0, 0, 0, 0, 0, -0.0981, 10_000, 10_000])):
+        lines = [",".join(["timestamp", *columns])]
+        for k in range(60):
+            lines.append(",".join(map(str, [10_000 * k, *(row if len(row) == 6 else [10_000 * k, *row[1:]])])))
+        (folder / f"{prefix}_{topic}_0.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
 @pytest.fixture
 def logs(tmp_path):
     """A folder of logs, of parts of logs, and of files that are none."""
@@ -67,6 +81,7 @@ def logs(tmp_path):
     (folder / "plot.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
     (folder / "broken.ulg").write_bytes(b"\0\1\2")
     phone(folder / "phone")
+    topics(folder, "ulog")
     return folder
 
 
@@ -103,7 +118,7 @@ def rows_of(output):
         return {row["file"]: row for row in csv.DictReader(file)}
 
 
-GOOD = ["a_Inertial.csv", "bike/level.csv", "level.csv", "phone"]
+GOOD = ["a_Inertial.csv", "bike/level.csv", "level.csv", "phone", "ulog_sensor_combined_0.csv"]
 BAD = ["alone_Magnetometer.csv", "broken.ulg", "linear.csv"]
 
 
@@ -121,7 +136,7 @@ def test_a_batch(logs, tmp_path, twin):
         assert rows[name]["error"] == str(error.value)
         assert f"strapdown: {name}: {error.value}" in result.stderr.splitlines()
     assert "strapdown: note: 2 files (README.md, plot.png): no recordings, left out" in result.stderr.splitlines()
-    assert "logs                               4 of 7 went in" in result.output.splitlines()
+    assert "logs                               5 of 8 went in" in result.output.splitlines()
     assert rows["bike/level.csv"] | {"wall_s": "", "float64_max_deg": ""} == dict.fromkeys(rows["level.csv"], "") | {
         "file": "bike/level.csv", "format": "table of text", "duration_s": rows["bike/level.csv"]["duration_s"],
         "samples": "60", "sample_rate_hz": rows["bike/level.csv"]["sample_rate_hz"], "gaps_bridged": "0",
@@ -152,7 +167,7 @@ def test_only_what_changed_runs_again(logs, tmp_path, twin):
     table_before = (output / "batch.csv").read_bytes()
     again = command(logs, output)
     assert again.exit_code == 0
-    assert "not run again                      4, which did not change" in again.output.splitlines()
+    assert "not run again                      5, which did not change" in again.output.splitlines()
     assert twin.runs == len(GOOD)
     assert (output / "batch.csv").read_bytes() == table_before
 

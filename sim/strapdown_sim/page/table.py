@@ -98,7 +98,8 @@ def _figure(page):
                 marker={"size": 7, "color": next(colours)}, text=[row[name] for row in page.rows],
                 hovertemplate="%{text}: %{y}<extra>%{fullData.name}</extra>"), row=place, col=1)
         figure.update_yaxes(title_text=title, type="log", exponentformat="power", row=place, col=1)
-    figure.update_xaxes(title_text="log", showticklabels=True, row=max(len(panels), 1), col=1)
+    figure.update_xaxes(title_text="row of the table, before it is sorted", showticklabels=True,
+                        row=max(len(panels), 1), col=1)
     figure.update_layout(height=ROW * max(len(panels), 1) * 1.3 + 120, template="plotly_white",
                          margin={"l": 90, "r": 40, "t": 60, "b": 50},
                          legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "x": 0})
