@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from strapdown.config import Config
+from strapdown.config import Config, ConfigError
 from strapdown.cores import main_module, make_core
 from strapdown.export import verilog_text, without_comments
 from strapdown.files import written_together
@@ -37,7 +37,7 @@ from .recordings import (
     read_log,
     recordings_of,
 )
-from .replay import build_model, refusal, replay_recordings
+from .replay import build_model, refusal, replay_recordings, replayed_module
 
 __all__ = ["COLUMNS", "Batch", "Found", "find_logs", "replay_batch", "write_table"]
 
@@ -142,6 +142,7 @@ class _Log(NamedTuple):
     path: Path
     form: str
     beside: tuple[Path, ...]
+    content: str
     recordings: Sequence[Recording]
     seconds: float
 
@@ -191,8 +192,8 @@ def replay_batch(logs: Mapping[str, Path], configured: Callable[[], Config], dir
     progress : callable
         ``progress(stage, done, total)``; stages are "build" and "logs".
 
-    Raises: SimulatorMissingError, ToolError if the model cannot be compiled; JobsError if all workers are lost;
-    OSError.
+    Raises: ConfigError for a core that takes no recording; SimulatorMissingError, ToolError if the model cannot be
+    compiled; JobsError if all workers are lost; OSError.
     """
     return _Run(logs, configured, Path(directory) / "logs", choice, build, command, pool, progress).batch()
 
@@ -205,7 +206,7 @@ class _Run:
         self._logs, self._configured, self._folder, self._choice = dict(logs), configured, folder, choice
         self._build, self._command, self._pool, self._progress = build, command, pool, progress
         self._config = configured()
-        module = main_module(self._config)
+        module = replayed_module(self._config)
         circuit = without_comments(verilog_text(make_core(module, self._config), self._config))
         self._key = digest(circuit, json.dumps([self._config.values, *choice, _row()], sort_keys=True, default=str),
                            version("strapdown"))
@@ -285,7 +286,7 @@ class _Run:
                 self._wholes[error.whole] = None
             self._refuse(name, error)
             return None
-        found = _Log(name, path, log.form, log.beside, recordings, time.monotonic() - begun)
+        found = _Log(name, path, log.form, log.beside, _content(path, log.beside), recordings, time.monotonic() - begun)
         return found, (self._configured, recordings, self._build, self._command)
 
     def _known(self, path, beside):
@@ -301,7 +302,7 @@ class _Run:
             line = error.line
         else:
             line = (str(error).splitlines() or [""])[0]
-            if not isinstance(error, RecordingError | JobLostError):
+            if not isinstance(error, ConfigError | RecordingError | JobLostError | SimulatorMissingError):
                 line = f"{type(error).__name__}: {line}"
         self._rows[name] = _row(file=name, **known, error=line)
 
@@ -323,7 +324,7 @@ class _Run:
             for name, data in result.files.items():
                 (partial / name).parent.mkdir(parents=True, exist_ok=True)
                 (partial / name).write_bytes(data)
-            kept = {"key": self._key, "content": _content(log.path, log.beside),
+            kept = {"key": self._key, "content": log.content,
                     "beside": [path.name for path in log.beside], "row": row}
             (partial / RESULT).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 

@@ -54,7 +54,7 @@ from .sensors import in_body
 from .truth import REFERENCES
 
 __all__ = ["Replay", "build_model", "for_recording", "port_inputs", "refusal", "replay", "replay_channels",
-           "replay_recordings", "write_attitude"]
+           "replay_recordings", "replayed_module", "write_attitude"]
 
 
 @dataclass(frozen=True)
@@ -146,10 +146,7 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
     stretch = None if waves is None else _stretch(recording, *waves)
 
     progress("build", 0, 1)
-    module = main_module(config)
-    if module in config.assemblies():
-        raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
-    config = for_recording(config, recording)
+    module, config = replayed_module(config), for_recording(config, recording)
     inputs = port_inputs(recording, config)
     core = make_core(module, config)
     system = core.system
@@ -289,6 +286,14 @@ def replay_recordings(recordings: Sequence[Recording], config: Config, directory
     if config.channels > 1:
         return replay_channels(recordings, config, directory, **options)
     return replay(recordings[0], config, directory, **options)
+
+
+def replayed_module(config: Config) -> str:
+    """The main module of a configuration. Raises: ConfigError if it takes no recording."""
+    module = main_module(config)
+    if module in config.assemblies():
+        raise ConfigError(f"{module} has other inputs than a recording: 'strapdown optical' runs it")
+    return module
 
 
 def build_model(recordings: Sequence[Recording], config: Config, build: str | os.PathLike) -> None:

@@ -227,6 +227,17 @@ def test_an_error_of_the_core_is_a_row(logs, tmp_path, twin, monkeypatch):
         "strapdown: level.csv: RuntimeError: the model of INS_top ended early, status 1")
 
 
+def test_a_log_without_what_the_core_needs_is_a_row(logs, tmp_path, twin):
+    """The line of a single replay, without a position for a navigator."""
+    result = CliRunner().invoke(main, ["batch", str(logs / "bike"), "--config", "sins", "--jobs", "1", "--output",
+                                       str(tmp_path / "out")])
+    assert result.exit_code == 1
+    (row,) = rows_of(tmp_path / "out").values()
+    single = CliRunner().invoke(main, ["replay", str(logs / "bike" / "level.csv"), "--config", "sins", "--output",
+                                       str(tmp_path / "single")])
+    assert single.stderr.splitlines()[-1] == f"strapdown: {row['error']}"
+
+
 def test_errors_of_the_user(tmp_path, monkeypatch):
     def line(*words):
         result = CliRunner().invoke(main, ["batch", *words, "--output", str(tmp_path / "out")])
@@ -235,6 +246,9 @@ def test_errors_of_the_user(tmp_path, monkeypatch):
 
     (tmp_path / "empty").mkdir()
     assert line(str(tmp_path / "empty")) == f"strapdown: {tmp_path / 'empty'}: no logs of a known format"
+    (tmp_path / "level.csv").write_text(table(*UNITS), encoding="utf-8")
+    assert line(str(tmp_path), "--config", "optical_tcd1304") == (
+        "strapdown: OPT_top has other inputs than a recording: 'strapdown optical' runs it")
     assert line(str(tmp_path / "*.ulg")) == f"strapdown: no file matches '{tmp_path}/*.ulg'"
     monkeypatch.setattr("strapdown_sim.jobs.find_spec", lambda name: None)
     assert line(str(tmp_path), "--scheduler", "tcp://127.0.0.1:1") == (

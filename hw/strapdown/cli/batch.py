@@ -5,6 +5,8 @@ from pathlib import Path
 
 import click
 
+from strapdown.config import ConfigError
+
 from .common import UserError, config_options, named_configuration, show_table, target_of, with_changes, writing
 from .jobs import job_options
 from .logs import log_options
@@ -56,7 +58,7 @@ def batch(places, config_name, changes, output, choice, html, build, jobs, sched
               writing(output, build), workers(jobs, scheduler) as pool):
             done = replay_batch(logs, configured, output, choice=choice, build=build, pool=pool,
                                 command=("strapdown", "generate", *options), progress=progress)
-    except (SimulatorMissingError, MissingPlotlyError, JobsError) as error:
+    except (ConfigError, SimulatorMissingError, MissingPlotlyError, JobsError) as error:
         raise UserError(str(error)) from None
     if done.skipped:
         click.echo(f"strapdown: note: {_listed(done.skipped)}: no recordings, left out", err=True)
