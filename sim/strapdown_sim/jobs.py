@@ -107,7 +107,12 @@ def _cluster(address):
         raise JobsError(f"no Dask scheduler answers at {address}: {reason}") from None
     with client:
         own = _versions()
-        for worker, theirs in client.run(_versions).items():
+        try:
+            found = client.run(_versions)
+        except (AttributeError, ImportError) as error:
+            raise JobsError(f"a worker of {address} cannot run jobs: {error}; install the same strapdown there") \
+                from None
+        for worker, theirs in found.items():
             for name, version in own.items():
                 if theirs.get(name) != version:
                     raise JobsError(f"worker {worker} has {name} {theirs.get(name, 'not')}, and this machine has "

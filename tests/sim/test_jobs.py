@@ -104,17 +104,33 @@ def test_no_scheduler_answers(monkeypatch, address):
         pass
 
 
+class Client(SimpleNamespace):
+    """A client of a cluster whose only worker has another version."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        pass
+
+    def run(self, function):
+        return {"tcp://a:1": function() | {"strapdown": "0.0.1"}}
+
+
+class Bare(Client):
+    def run(self, function):
+        raise ModuleNotFoundError("No module named 'strapdown_sim'")
+
+
+def test_a_worker_without_the_packages_is_refused(monkeypatch):
+    monkeypatch.setattr("distributed.Client", lambda *address, **options: Bare())
+    with pytest.raises(JobsError) as error, workers(1, "tcp://a:2"):
+        pass
+    assert str(error.value) == ("a worker of tcp://a:2 cannot run jobs: No module named 'strapdown_sim'; install the "
+                                "same strapdown there")
+
+
 def test_a_worker_with_other_packages_is_refused(monkeypatch):
-    class Client(SimpleNamespace):
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *error):
-            pass
-
-        def run(self, function):
-            return {"tcp://a:1": function() | {"strapdown": "0.0.1"}}
-
     monkeypatch.setattr("distributed.Client", lambda *address, **options: Client())
     with pytest.raises(JobsError, match=r"^worker tcp://a:1 has strapdown 0\.0\.1, and this machine has \S+: install "
                                         r"the same there$"), workers(1, "tcp://a:2"):
