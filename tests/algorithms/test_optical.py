@@ -76,6 +76,18 @@ def test_four_updates_are_the_check_values(config, angles):
             (7.2353e-5, -8.9184e-5, 0.999999993), abs=5e-10)
 
 
+def test_the_angles_of_the_next_update_are_expected():
+    """With the rotor at rest: the first update moves nothing on, the later ones by the last change of their angles."""
+    system, angles = opt_attitude(EXACT), np.radians([(10, -20), (10.2, -20.3), (10.5, -20.2)])
+    px = np.stack(pixels_of_angles(*angles.T, SET_A), axis=-1)
+    for count, expected in (1, angles[0]), (2, 2 * angles[1] - angles[0]), (3, 2 * angles[2] - angles[1]):
+        _, state = system.run_float64(bound(system, SET_A, px=px[:count], f=(0, 0, 0), yaw_rate=0))
+        found = [[state[f"{turn}_{axis}"] for turn in ("sine", "cosine")] for axis in ("roll", "pitch")]
+        # To the first order: half the square of a change of 0.3° is 1.4e-5.
+        assert np.array(found) == pytest.approx(np.stack((np.sin(expected), np.cos(expected)), axis=-1),
+                                                abs=1e-12 if count == 1 else 1.4e-5)
+
+
 def flight(count):
     """A run with turns: positions, specific force and yaw rate; the axis of the rotor is drawn away by degrees."""
     t = np.arange(count) / 135
@@ -131,3 +143,15 @@ def test_a_spot_that_was_never_seen_stands_at_angle_zero():
         samples=counted(0), f=(0, 0, 0), yaw_rate=0), system.reset))
     assert result["px"].tolist() == [SET_B.n0_r, SET_B.n0_p]
     assert np.abs(np.concatenate((result["angles"], result["measured"]))).max() < 1e-13
+
+
+def test_angles_do_not_move_on_from_a_spot_that_was_never_seen():
+    """Samples do not count until both spots were seen in the line before."""
+    system, px = opt_update(EXACT), np.array((2500.25, 1200.75))
+    seen = placed(np.stack(((-1, -1), 4096 * px)).astype(int))
+    _, state = system.run_float64(bound(
+        system, SET_A, position=seen, counted_peak=counted((0, 0)), cycles=counted(1000),
+        samples=counted((0, 0)), f=(0, 0, 0), yaw_rate=0))
+    roll, pitch = angles_of_pixels(*px, SET_A)
+    found = [state[f"{turn}_{axis}"] for axis in ("roll", "pitch") for turn in ("sine", "cosine")]
+    assert found == pytest.approx([np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)], abs=1e-12)

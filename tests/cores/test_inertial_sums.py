@@ -19,14 +19,15 @@ class Flat(wiring.Component):
     """InertialSums with a port for each number."""
 
     def __init__(self):
-        super().__init__({"sample": In(1), "take": In(1), "counts": In(1), "number": Out(24), "missing": Out(1),
+        super().__init__({**dict.fromkeys(("sample", "take", "give", "counts"), In(1)),
+                          "number": Out(24), "missing": Out(1),
                           **{f"value_{index}": In(32) for index in range(COUNT)},
                           **{f"sum_{index}": Out(32) for index in range(COUNT)}})
 
     def elaborate(self, platform):
         m = Module()
         m.submodules.sums = sums = InertialSums(FORMAT, COUNT)
-        m.d.comb += [getattr(sums, name).eq(getattr(self, name)) for name in ("sample", "take", "counts")]
+        m.d.comb += [getattr(sums, name).eq(getattr(self, name)) for name in ("sample", "take", "give", "counts")]
         m.d.comb += [self.number.eq(sums.number), self.missing.eq(sums.missing)]
         for index in range(COUNT):
             m.d.comb += [sums.values[index].eq(getattr(self, f"value_{index}")),
@@ -38,7 +39,7 @@ class Flat(wiring.Component):
 def test_sums_of_random_samples_between_random_takes(models, tmp_path):
     rng = np.random.default_rng(3)
     cycles = 8000
-    sample, take = (np.zeros(cycles, int) for _ in range(2))
+    sample, take, give = (np.zeros(cycles, int) for _ in range(3))
     # Samples as close as may be, then far apart; takes anywhere, also together with a sample and without any between.
     distance = np.concatenate((np.full(200, SUMS.interval), rng.integers(SUMS.interval, 120, 100)))
     places = np.cumsum(distance)
@@ -46,19 +47,23 @@ def test_sums_of_random_samples_between_random_takes(models, tmp_path):
     takes = np.cumsum(rng.integers(SUMS.interval + 2, 140, 200))
     takes = takes[takes < cycles - 20]
     take[takes] = 1
+    # The sums are given out as early as may be, with the next take, or between.
+    early, late = takes[:-1] + SUMS.interval, takes[1:]
+    gives = np.choose(rng.integers(3, size=len(early)), (early, late, rng.integers(early, late, endpoint=True)))
+    give[gives] = 1
     counts = rng.random(cycles) < 0.8
     values = FORMAT.array(rng.normal(0, 10, (cycles, COUNT)) * 10.0 ** rng.integers(-6, 6, (cycles, COUNT)))
     values[places[40], 2] = np.nan
     run = run_blocks(models, tmp_path, "inertial_sums", flat=Flat())
-    answer = run("flat", sample=sample, take=take, counts=counts.astype(int),
+    answer = run("flat", sample=sample, take=take, give=give, counts=counts.astype(int),
                  **{f"value_{index}": FORMAT.to_bits(values[:, index]) for index in range(COUNT)})
     last, nothing = 0, 0
-    for place in takes:
+    for place, given in zip(takes, gives, strict=False):
         own = np.flatnonzero(sample[last:place]) + last
-        shown = place + SUMS.interval
-        expected = SUMS.compute(values[own] if counts[place] else [])
+        shown = given + 1
+        expected = SUMS.compute(values[own] if counts[given] else [])
         assert [int(answer[f"sum_{index}"][shown]) for index in range(COUNT)] == FORMAT.to_bits(expected).tolist()
-        assert answer["number"][shown] == (len(own) if counts[place] else 0)
+        assert answer["number"][shown] == (len(own) if counts[given] else 0)
         assert answer["missing"][shown] == (len(own) == 0)
         last, nothing = place, nothing + (len(own) == 0)
     assert nothing > 3

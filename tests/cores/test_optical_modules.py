@@ -83,7 +83,7 @@ def test_angles_come_within_300_cycles_of_the_last_pixel(make_module, config):
 def test_updates_come_once_a_line(make_module):
     """The interval is the line period; and the inputs are samples, of which the core takes the mean."""
     top = make_module("OPT_top", OPTICAL_S11639)
-    assert (top.latency, top.interval) == (280, 50_000)
+    assert (top.latency, top.interval) == (279, 50_000)
     for module, meaning in (("OPT_top", "m/s^2, a sample"), ("OPT_attitude", "m/s^2, mean over the line period")):
         ports = {port.name: port.meaning for port in make_module(module, OPTICAL_S11639).ports}
         assert ports["in_accx"].endswith(meaning)

@@ -81,18 +81,13 @@ def test_geometry():
 
 @pytest.mark.parametrize("letter", PUBLISHED)
 def test_errors_in_flight_are_the_published_ones(letter):
-    """Without compensation and with the patent's within 10 %; exact at most 4/3, but for the late turn of the drift."""
+    """Without compensation and with the patent's within 10 %; exact at most 4/3."""
     for compensation, published in zip(optical.ALL, PUBLISHED[letter], strict=True):
         found = np.array(errors(letter)[compensation]["largest"])
         if compensation == "exact":
-            assert (found <= 4 / 3 * np.add(published, DIGIT / 2) + (letter == "c") * LATE_TURN_DEG).all()
+            assert (found <= 4 / 3 * np.add(published, DIGIT / 2)).all()
         else:
             np.testing.assert_allclose(found, published, rtol=0.1, atol=DIGIT)
-
-
-LATE_TURN_DEG = 2 * np.degrees(0.5 * np.radians(6) / 135 * np.radians(1.9))
-"""In flight c the axis is told 1.9° from the vertical, and its drift of a period is turned half a period late. The
-error swings about that value, from zero to twice."""
 
 
 def test_errors_with_faults_of_the_sensors():

@@ -15,7 +15,8 @@ from .attitude import DEGREES, Update
 from .vector import add, cross, dot, scale, subtract
 
 __all__ = ["GRAVITY", "Calibration", "Inertial", "Light", "Settings", "Turn", "angles_of_rotor", "erection", "integer",
-           "level", "light", "measured_angles", "optical_update", "patent_angles", "pixels", "precession", "slope"]
+           "level", "light", "measured_angles", "onward", "optical_update", "patent_angles", "pixels", "precession",
+           "slope"]
 
 GRAVITY = 9.80665
 """m/s², of the erection."""
@@ -50,6 +51,8 @@ class Inertial(NamedTuple):
     """rate of the heading, rad/s"""
     share: Any = 1.0
     """1 over the number of samples that ``f`` and ``yaw_rate`` are the sums of"""
+    follows: Any = 1.0
+    """0 if the spots of the update before may not have been seen; then the angles do not move on, else 1"""
 
 
 class Light(NamedTuple):
@@ -122,6 +125,11 @@ def light(xp, w, tilt, h):
 def measured_angles(xp, seen):
     """γs = atan2(a, b), θs = atan2(A, B): roll and pitch of the body against the rotor, rad."""
     return xp.atan2(seen.a, seen.b), xp.atan2(seen.A, seen.B)
+
+
+def onward(turn, angle):
+    """The Turn of an angle that is larger by a small ``angle``, to its first order."""
+    return Turn(turn.sine + angle * turn.cosine, turn.cosine - angle * turn.sine)
 
 
 def level(f, roll, pitch):
@@ -211,8 +219,10 @@ def optical_update(xp, px, calibration, inertial, settings, **state):
         None without compensation.
     settings : Settings
     **state
-        exact: ``n``, and the Turns ``roll`` and ``pitch`` of the update before. These are zero at first, so that the
-        first update has no precession. patent: ``drift``, and ``step`` (k·T) of the update before, likewise zero.
+        exact: ``n``; the Turns ``roll`` and ``pitch`` that are expected in this update, and the angles ``measured`` in
+        the update before, rad. These are zero at first, so that the first update has no precession. An update expects
+        the angles of the next one: it moves its own on as the measured ones have moved since the update before.
+        patent: ``drift``, and ``step`` (k·T) of the update before, likewise zero.
 
     Returns
     -------
@@ -232,8 +242,11 @@ def optical_update(xp, px, calibration, inertial, settings, **state):
         measured = measured_angles(xp, seen)
         angles, next_state = measured, {}
         if settings.compensation == "exact":
-            angles, (roll, pitch) = angles_of_rotor(xp, seen, n)
-            next_state = {"n": n, "roll": roll, "pitch": pitch}
+            follows = xp.select(Turn(*state["roll"]).cosine > 0.0, inertial.follows, 0.0)
+            moved = scale(follows, subtract(measured, state["measured"]))
+            angles, turns = angles_of_rotor(xp, seen, n)
+            roll, pitch = map(onward, turns, moved)
+            next_state = {"n": n, "roll": roll, "pitch": pitch, "measured": measured}
         elif settings.compensation == "patent":
             cosine = seen.B * xp.rsqrt(seen.A_squared + seen.B_squared)
             angles, drift = patent_angles(measured, cosine, state["drift"], inertial.f, state["step"] * inertial.share)

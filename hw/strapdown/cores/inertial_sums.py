@@ -17,6 +17,8 @@ COUNT_WIDTH = 24
 class InertialSums(Described):
     """Adds up samples of several numbers, with one adder, and gives out the sums of the samples between two takes.
 
+    The sums of a take wait until they are given out, while the next ones begin.
+
     Parameters
     ----------
     format : FloatFormat
@@ -31,21 +33,23 @@ class InertialSums(Described):
     sample, values : In(1), In(array of ``count`` numbers)
         A sample is taken in a cycle in which ``sample`` is high, if the one before came ``interval`` cycles or more
         ago; else it is lost.
-    take, counts : In(1), In(1)
-        Ends the sums, with the samples that came before this cycle. If ``counts`` is low, they are given out as zero.
+    take : In(1)
+        Ends the sums, with the samples that came before this cycle.
+    give, counts : In(1), In(1)
+        Gives out the sums of the last take, ``interval`` cycles or more after it; as zero, if ``counts`` is low.
     sums, number : Out(array of ``count`` numbers), Out(24)
-        Sums of the samples between the last two takes, and how many they are; without samples they are zero. They
-        change within ``interval`` cycles after a take, and then hold.
+        Sums of the samples between two takes, and how many they are; without samples they are zero. They change in the
+        cycle after ``give``, and then hold.
     missing : Out(1)
-        There was no sample between the last two takes, whether they count or not.
+        With them: there was no sample between the takes, whether they count or not.
     """
 
     def __init__(self, format, count, *, latency=4):
         self._format, self._count = format, count
         self._adder = FpAdd(format, latency=latency)
         numbers = data.ArrayLayout(format.width, count)
-        super().__init__({"sample": In(1), "values": In(numbers), "take": In(1), "counts": In(1),
-                          "sums": Out(numbers), "number": Out(COUNT_WIDTH), "missing": Out(1)})
+        super().__init__({"sample": In(1), "values": In(numbers), "take": In(1), "give": In(1),
+                          "counts": In(1), "sums": Out(numbers), "number": Out(COUNT_WIDTH), "missing": Out(1)})
 
     @property
     def interval(self):
@@ -85,17 +89,20 @@ class InertialSums(Described):
             m.d.sync += [place.eq(following) for place, following in zip(places, [*places[1:], adder.result],
                                                                          strict=True)]
         # A take waits for a sample that is being added.
-        waiting, kept = Signal(), Signal()
+        waiting = Signal()
         m.d.comb += ends.eq((self.take | waiting) & idle)
         m.d.sync += waiting.eq((self.take | waiting) & ~idle)
-        with m.If(self.take):
-            m.d.sync += kept.eq(self.counts)
+        taken = [Signal.like(place, name=f"taken_{index}") for index, place in enumerate(places)]
+        taken_number = Signal.like(number)
         with m.If(ends):
-            m.d.sync += [*(place.eq(0) for place in places), number.eq(begins), self.missing.eq(number == 0)]
+            m.d.sync += [*(register.eq(place) for register, place in zip(taken, places, strict=True)),
+                         *(place.eq(0) for place in places), taken_number.eq(number), number.eq(begins)]
+        with m.If(self.give):
+            m.d.sync += self.missing.eq(taken_number == 0)
         # The zero comes first, because flip-flops have a reset before their enable.
-        with m.If(ends & ~Mux(self.take, self.counts, kept)):
+        with m.If(self.give & ~self.counts):
             m.d.sync += [self.sums.eq(0), self.number.eq(0)]
-        with m.Elif(ends):
-            m.d.sync += [self.sums[index].eq(place) for index, place in enumerate(places)]
-            m.d.sync += self.number.eq(number)
+        with m.Elif(self.give):
+            m.d.sync += [self.sums[index].eq(register) for index, register in enumerate(taken)]
+            m.d.sync += self.number.eq(taken_number)
         return m

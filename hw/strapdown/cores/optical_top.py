@@ -54,7 +54,8 @@ class OpticalTop(Assembled):
     A line is read out, captured and searched for spots, in each CCD separately. Then an update of the angles begins.
     It takes the position of each spot, or the last good one if there is no good one in this line, or in_n0, which gives
     angle zero, if there never was one. Specific force and yaw rate are the means of
-    the samples since the line before. A sample counts for the line whose last pixel comes after it.
+    the samples since the line before. A sample counts for the line whose first pixel comes after it: the angles are
+    those of the exposure, which ends just before the first pixel.
 
     Until there was a good position of both CCDs, and in the first update after that, specific force and yaw rate are
     zero, because the angles before are not known.
@@ -106,9 +107,9 @@ class OpticalTop(Assembled):
         return [port for port in self._engine.ports if port.name in names]
 
     def _text(self, latency):
-        samples = (" An update takes the mean of the samples of accelerometer and yaw rate that came since the line "
-                   f"before. Samples are lost if they come less than {self._sums.interval} cycles after "
-                   "the one before.") if self._sums else ""
+        samples = (" An update takes the mean of the samples of accelerometer and yaw rate that came between the first "
+                   "pixel of the line before and the first pixel of its line. Samples are lost if they come less than "
+                   f"{self._sums.interval} cycles after the one before.") if self._sums else ""
         late = (" A trigger may come later, but the equations take this period."
                 if "trigger" in self._timing.signature.members else "")
         return (f"A line takes {self._timing.line_cycles} cycles.{late} out_attitude_finish rises {latency} cycles "
@@ -173,7 +174,7 @@ class OpticalTop(Assembled):
 
         missing = C(0)
         if self._sums:
-            missing = self._sum(m, self._sums, adc.pixels.valid & adc.pixels.p.last, seen[0] & seen[1])
+            missing = self._sum(m, self._sums, adc.pixels, seen[0] & seen[1])
 
         def either(name):
             return Cat(each & getattr(found, name).any()
@@ -204,10 +205,11 @@ class OpticalTop(Assembled):
             self._timing.exposure[index].eq(exposure.exposure)]
         return found
 
-    def _sum(self, m, sums, take, counts):
+    def _sum(self, m, sums, pixels, counts):
         """The sums of the inertial sensors for the engine; returns a Value that is high if there was no sample."""
         m.submodules.sums = sums
-        m.d.comb += [sums.sample.eq(self.in_acc_en), sums.take.eq(take), sums.counts.eq(counts),
+        m.d.comb += [sums.sample.eq(self.in_acc_en), sums.take.eq(pixels.valid & pixels.p.first),
+                     sums.give.eq(pixels.valid & pixels.p.last), sums.counts.eq(counts),
                      self._engine.in_samples.eq(_counted(sums.number))]
         for index, name in enumerate(self._inertial):
             m.d.comb += [sums.values[index].eq(getattr(self, name)), getattr(self._engine, name).eq(sums.sums[index])]

@@ -84,14 +84,15 @@ def _system(config, name, title, equations, inputs, outputs, kernels, inertial):
     state: dict[str, object] = {
         "none": {},
         "patent": {"drift": _pair("drift_{}"), "step": "step"},
-        "exact": {"n": vector("n{}"), "roll": ("sine_roll", "cosine_roll"), "pitch": ("sine_pitch", "cosine_pitch")},
+        "exact": {"n": vector("n{}"), "roll": ("sine_roll", "cosine_roll"), "pitch": ("sine_pitch", "cosine_pitch"),
+                  "measured": ("roll_measured", "pitch_measured")},
     }[config.compensation]
     kernels = [*kernels, optical.slope, optical.light, optical.measured_angles]
     if config.compensation == "patent":
         kernels.append(optical.patent_angles)
     elif config.compensation == "exact":
         kernels += [optical.level, *([optical.erection] if config.erection_s else []), optical.precession,
-                    optical.angles_of_rotor]
+                    optical.angles_of_rotor, optical.onward]
     angles = {"angles": ("out_roll", "out_pitch"), "measured": ("out_roll_measured", "out_pitch_measured")}
     return System(
         name, title, equations, kernels=tuple(kernels),
@@ -129,9 +130,12 @@ def opt_update(config):
                   samples=None, **state):
         with xp.section("LIGHT"):
             px = tuple(optical.pixels(xp, *values) for values in zip(position, n0, strict=True))
-            share = 1 / xp.maximum(optical.integer(samples), 1.0) if compensates else 1.0
-        update = optical.optical_update(xp, px, Calibration(n0, scale, tilt, c3, h, k), Inertial(f, yaw_rate, share),
-                                        settings, **state)
+            share = follows = 1.0
+            if compensates:
+                number = optical.integer(samples)
+                share, follows = 1 / xp.maximum(number, 1.0), xp.minimum(number, 1.0)
+        update = optical.optical_update(xp, px, Calibration(n0, scale, tilt, c3, h, k),
+                                        Inertial(f, yaw_rate, share, follows), settings, **state)
         return update._replace(outputs=update.outputs | {
             "px": px, "peak": tuple(optical.integer(number) for number in counted_peak),
             "exposure": optical.integer(cycles) * (1e6 / config.clock_hz)})

@@ -221,7 +221,7 @@ MUTANTS = (
     *_of("cores/inertial_sums.py",
          ("number.eq(begins)", "number.eq(0)", "a sample together with a take does not count"),
          ("(self.take | waiting) & idle)", "self.take & idle)", "a take while a sample is added is lost"),
-         ("ends & ~Mux(self.take, self.counts, kept)", "ends & ~kept", "sums that do not count")),
+         ("with m.If(self.give & ~self.counts):", "with m.If(0):", "sums that do not count")),
     *_of("cores/optical_modules.py",
          ("chosen.eq(skipped == 0)", "chosen.eq(1)", "a frame for every update"),
          ("sender.frames.ready | ~chosen)", "sender.frames.ready)", "an update without a frame counts as overrun"),

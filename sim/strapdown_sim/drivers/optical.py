@@ -71,7 +71,7 @@ class OpticalRun:
     calibration : dict
         Values of the calibration's input ports.
     update : int
-        Cycles from the last pixel of a line to its finish.
+        Cycles from the first pixel of a line, in the stream of the ADCs, to its finish.
     """
 
     config: OpticalConfig
@@ -107,7 +107,7 @@ class OpticalRun:
     @cached_property
     def sums(self):
         """Sums of the inertial samples of each update, one added after the other, by input port: float32, shape (N,);
-        and their number. A sample counts for the line whose last pixel comes after it.
+        and their number. A sample counts for the line whose first pixel comes after it.
         """
         place = np.searchsorted(self.cycle - self.update, self.inertial.cycle, side="right")
         used = place < len(self.cycle)
@@ -170,6 +170,7 @@ class PinBench:
         # The sample's edge comes a cycle after ``sample``, and the finish is seen in the cycle before it can be read.
         self._update = core.latency - 1
         self._delay = capture(config, self.timing).latency + self._update
+        self._read_out = (SENSORS[config.sensor].pixels - 1) * self.timing.slot_cycles
         self._period_ps = round(1e12 / config.clock_hz)
         self.driver = PinDriver(
             verilog_text(core, config), {TOP: core.ports}, build, sensor=config.sensor, adc=config.adc,
@@ -224,7 +225,7 @@ class PinBench:
 
         pins = self.driver.run([*self.actions(calibration, inertial), *actions], image, delay=self._delay,
                                cycles=self.cycles(lines), progress=told)
-        return OpticalRun(self.config, pins, inertial, dict(calibration), self._update)
+        return OpticalRun(self.config, pins, inertial, dict(calibration), self._update + self._read_out)
 
     def cycles(self, lines: int) -> int:
         """Clock cycles in which this number of lines is exposed and read, and its updates end."""

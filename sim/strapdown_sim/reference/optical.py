@@ -113,11 +113,13 @@ def attitude(measured_roll, measured_pitch, f_b, yaw_rate, *, k, period_s, compe
     return Attitude(roll, pitch, np.stack(axis, axis=-1))
 
 
-def specific_force_level(roll, pitch, f_b):
-    """Specific force in L from body axes."""
+def specific_force_level(roll, pitch, f_b, moved=(0.0, 0.0)):
+    """Specific force in L from body axes; both angles have moved on a little, to the first order."""
     fx, fy, fz = f_b
-    y, z = cos(roll) * fy - sin(roll) * fz, sin(roll) * fy + cos(roll) * fz
-    return cos(pitch) * fx + sin(pitch) * z, y, cos(pitch) * z - sin(pitch) * fx
+    (sin_r, cos_r), (sin_p, cos_p) = ((sin(angle) + change * cos(angle), cos(angle) - change * sin(angle))
+                                      for angle, change in zip((roll, pitch), moved, strict=True))
+    y, z = cos_r * fy - sin_r * fz, sin_r * fy + cos_r * fz
+    return cos_p * fx + sin_p * z, y, cos_p * z - sin_p * fx
 
 
 def _no_steps(samples, kt, period_s, erection_s, limit):
@@ -135,11 +137,15 @@ def _patent_steps(samples, kt, period_s, erection_s, limit):
 
 
 def _exact_steps(samples, kt, period_s, erection_s, limit):
-    """N follows −k·N × f − ψ̇·z × N; then the attitude is the rotation from the measured axis to N."""
+    """N follows −k·N × f − ψ̇·z × N; then the attitude is the rotation from the measured axis to N.
+
+    The force is in L by the angles that are expected: those of the update before, moved on as the measured ones had
+    moved until then.
+    """
     nx, ny, nz = 0.0, 0.0, 1.0
-    before = None
+    before, angles, moved = None, (0.0, 0.0), (0.0, 0.0)
     for measured_roll, measured_pitch, f_b, yaw_rate in samples:
-        fx, fy, fz = (0.0, 0.0, 0.0) if before is None else specific_force_level(*before, f_b)
+        fx, fy, fz = (0.0, 0.0, 0.0) if before is None else specific_force_level(*angles, f_b, moved)
         turn = yaw_rate * period_s
         shrunk = 1 - turn**2 / 2
         mx = shrunk * nx + turn * ny - kt * (ny * fz - nz * fy)
@@ -150,9 +156,12 @@ def _exact_steps(samples, kt, period_s, erection_s, limit):
             my += period_s * min(max(fy / (GRAVITY_M_S2 * erection_s), -limit), limit)
         length = sqrt(mx * mx + my * my + mz * mz)
         nx, ny, nz = mx / length, my / length, mz / length
-        before = (measured_roll - asin(ny / cos(measured_pitch)),
+        angles = (measured_roll - asin(ny / cos(measured_pitch)),
                   atan2(nx, nz) + asin(sin(measured_pitch) / sqrt(1 - ny * ny)))
-        yield *before, nx, ny, nz
+        if before is not None:
+            moved = measured_roll - before[0], measured_pitch - before[1]
+        before = measured_roll, measured_pitch
+        yield *angles, nx, ny, nz
 
 
 class Spot(NamedTuple):
