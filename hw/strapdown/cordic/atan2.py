@@ -11,7 +11,7 @@ from ..fp import exact
 from ..fp.rounding import Rounding, bit_length, round_encoding
 from ..fp.stages import normalise, round_and_pack, round_significand, unpack
 from .component import CordicComponent, blockwise
-from .tables import SCALE, round_shift, scaled_atan, scaled_reciprocal_gain
+from .tables import SCALE, encode_scaled, round_shift, scaled_atan, scaled_reciprocal_gain
 
 __all__ = ["CordicAtan2", "Polar"]
 
@@ -101,7 +101,7 @@ class CordicAtan2(CordicComponent):
         self._table = [*(self._fixed(scaled_atan(i)) for i in range(self._last)), 1 << self._width]
         self._reciprocal_gains = [*(self._fixed(scaled_reciprocal_gain(i)) for i in range(self._last)),
                                   1 << self._width]
-        self._constants = [*(_encode_quarters(format, n) for n in range(5)), format.nan]
+        self._constants = [*(encode_scaled(format, n * scaled_atan(0)) for n in range(5)), format.nan]
         # Start angles of the other octants, in units of 2**-(width + 1).
         self._half_pi, self._pi = (self._fixed(turns * scaled_atan(0)) for turns in (4, 8))
 
@@ -508,13 +508,3 @@ class CordicAtan2(CordicComponent):
         if hasattr(s, "valid"):
             results.valid = s.valid
         return results
-
-
-def _encode_quarters(fmt, count):
-    """Encoding of ``count`` quarters of pi, correctly rounded."""
-    if not count:
-        return 0
-    value = count * scaled_atan(0)
-    exponent = value.bit_length() - 1 - SCALE
-    significand = round_shift(value, value.bit_length() - fmt.precision)
-    return (fmt.bias + exponent - 1 << fmt.fraction_width) + significand

@@ -5,11 +5,12 @@ from functools import cache
 import numpy as np
 from amaranth import *
 
-from strapdown.fp.parabolas import SCALE, Parabolas, parabolas
+from strapdown.fp.parabolas import SCALE as FUNCTION_SCALE
+from strapdown.fp.parabolas import Parabolas, parabolas, reciprocal_value
 from strapdown.fp.pipeline import Pipeline, PipelinedOperator, pick
-from strapdown.fp.stages import unpack
+from strapdown.fp.stages import partial_products, sum_of_partial_products, unpack
 
-from .tables import scaled_angle
+from .tables import SCALE, encode_scaled, round_shift, scaled_angle, scaled_atan
 
 __all__ = ["TableAtan2"]
 
@@ -83,10 +84,10 @@ class TableAtan2(PipelinedOperator):
         if self.latency < 2:
             raise ValueError(f"latency must be from 2 to {len(self.PIPELINE.cuts)}, not {latency!r}")
         # The unit of an angle is 64 degrees or 1 rad.
-        eighth = (45 << SCALE - 6) if self._degrees else scaled_angle(1, 1, SCALE)
-        self._half, self._whole = (_rounded(turns * eighth, SCALE - ANGLE_BITS) for turns in (2, 4))
         self._exponent = 6 if self._degrees else 0
-        self._constants = [0, *(_encoded(format, turns * eighth, self._exponent) for turns in range(1, 5)), format.nan]
+        eighth = 45 << SCALE if self._degrees else scaled_atan(0)
+        self._half, self._whole = (round_shift(n * eighth, SCALE + self._exponent - ANGLE_BITS) for n in (2, 4))
+        self._constants = [*(encode_scaled(format, n * eighth) for n in range(5)), format.nan]
 
     @property
     def format(self):
@@ -175,9 +176,9 @@ class TableAtan2(PipelinedOperator):
 
         # The ratio, and the ratio in its place.
         carried = ["kind", "sign", "swap", "back", "distance"]
-        s = rank("partial", **pick(s, carried), **_partial_products(s.smaller, s.reciprocal))
+        s = rank("partial", **pick(s, carried), **partial_products(s.smaller, s.reciprocal))
         ratio = Signal(RATIO_BITS + 1)
-        m.d.comb += ratio.eq(_sum_of(s) >> PRECISION - 1)
+        m.d.comb += ratio.eq(sum_of_partial_products(s) >> PRECISION - 1)
         s = rank("ratio", **pick(s, carried), ratio=ratio)
         shifted = Signal(RATIO_BITS)
         m.d.comb += shifted.eq(Mux(s.distance[5:].any(), 0, s.ratio >> s.distance[:5]))
@@ -194,9 +195,10 @@ class TableAtan2(PipelinedOperator):
         m.d.comb += lack.eq(lacks.value(s.c0, s.slope * s.t, LACK_BITS))
         s = rank("angle_value", **pick(s, carried), lack=lack)
 
-        s = rank("angle_partial", **pick(s, carried), **_partial_products(s.lack, s.factor))
+        s = rank("angle_partial", **pick(s, carried), **partial_products(s.lack, s.factor))
         angle = Signal(ANGLE_BITS + 1)
-        m.d.comb += angle.eq((Cat(C(0, LACK_BITS), s.factor) - _sum_of(s)) >> RATIO_BITS + LACK_BITS - ANGLE_BITS)
+        m.d.comb += angle.eq((Cat(C(0, LACK_BITS), s.factor) - sum_of_partial_products(s))
+                             >> RATIO_BITS + LACK_BITS - ANGLE_BITS)
         carried = ["kind", "sign", "distance"]
         s = rank("angle", **pick(s, carried, ("swap", "back")), angle=angle)
 
@@ -230,45 +232,20 @@ class TableAtan2(PipelinedOperator):
         return m
 
 
-SLICE = 17
-"""Bits of an operand for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits."""
-
-
-def _partial_products(multiplicand, multiplier):
-    return {f"partial_{low}": multiplicand * multiplier[low:low + SLICE] for low in range(0, len(multiplier), SLICE)}
-
-
-def _sum_of(s):
-    return sum(value << int(name.removeprefix("partial_"))
-               for name, value in vars(s).items() if name.startswith("partial_"))
-
-
 @cache
 def _reciprocals():
     """Parabolas of 1/x for x in [1, 2)."""
-    return Parabolas.of(parabolas(lambda numerator, denominator: (denominator << SCALE) // numerator, 1, 1,
-                                  1 << INDEX_BITS), (28, 26, 28), RECIPROCAL_OFFSET, RATIO_BITS)
+    return Parabolas.of(parabolas(reciprocal_value, 1, 1, 1 << INDEX_BITS), (28, 26, 28), RECIPROCAL_OFFSET,
+                        RATIO_BITS)
 
 
 @cache
 def _lacks(degrees):
     """Parabolas of 1 - a(r) for r in [0, 1), with a(r) = atan(r) / r in units of 64 degrees or 1 rad."""
-    # 45 degrees are atan(1).
-    eighth = scaled_angle(1, 1, 2 * SCALE)
-
     def lack(numerator, denominator):
-        angle = scaled_angle(numerator, denominator, 2 * SCALE) * denominator // numerator
-        angle = (angle * 45 << SCALE - 6) // eighth if degrees else angle >> SCALE
-        return (1 << SCALE) - angle
+        quotient = scaled_angle(numerator, denominator, SCALE) * denominator // numerator
+        # 45 degrees are atan(1).
+        quotient = (quotient * 45 << SCALE - 6) // scaled_atan(0) if degrees else quotient
+        return (1 << FUNCTION_SCALE) - (quotient >> SCALE - FUNCTION_SCALE)
 
     return Parabolas.of(parabolas(lack, 0, 1, 1 << INDEX_BITS), (28, 27, 30), LACK_OFFSET, LACK_BITS)
-
-
-def _rounded(value, bits):
-    return value + (1 << bits - 1) >> bits
-
-
-def _encoded(fmt, value, exponent):
-    """Encoding of a value in units of 2**(exponent - SCALE), correctly rounded."""
-    top = value.bit_length()
-    return (fmt.bias + exponent + top - SCALE - 2 << fmt.fraction_width) + _rounded(value, top - fmt.precision)

@@ -2,7 +2,8 @@
 
 import math
 
-__all__ = ["SCALE", "scaled_angle", "scaled_atan", "scaled_reciprocal_gain", "least_remainder", "round_shift"]
+__all__ = ["SCALE", "encode_scaled", "least_remainder", "round_shift", "scaled_angle", "scaled_atan",
+           "scaled_reciprocal_gain"]
 
 SCALE = 256
 """Fraction bits of the integers from which constants are computed."""
@@ -41,6 +42,15 @@ def least_remainder(precision, exponent):
 def round_shift(value, bits):
     """value / 2**bits, rounded."""
     return (value + (1 << bits - 1)) >> bits
+
+
+def encode_scaled(fmt, value):
+    """Encoding of a value of 0 or more in units of 2**-SCALE, correctly rounded."""
+    if not value:
+        return 0
+    exponent = value.bit_length() - 1 - SCALE
+    significand = round_shift(value, value.bit_length() - fmt.precision)
+    return (fmt.bias + exponent - 1 << fmt.fraction_width) + significand
 
 
 def scaled_angle(y, x, scale):

@@ -6,12 +6,17 @@ from amaranth import *
 from . import exact
 from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import FINE_LEVELS, align_subnormal, normalise, pack, unpack
+from .stages import (
+    FINE_LEVELS,
+    align_subnormal,
+    normalise,
+    pack,
+    partial_products,
+    sum_of_partial_products,
+    unpack,
+)
 
 __all__ = ["FpMultiply"]
-
-# Bits of an operand for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits.
-SLICE = 17
 
 
 class FpMultiply(PipelinedOperator):
@@ -115,11 +120,10 @@ class FpMultiply(PipelinedOperator):
         s = rank("unpack", **classes, exponent=exponent, multiplicand=multiplicand, multiplier=multiplier)
 
         # Multiply by slices, and add the partial products.
-        lows = range(0, fmt.precision, SLICE)
         s = rank("partial", **pick(s, classes), exponent=s.exponent,
-                 **{f"partial_{low}": s.multiplicand * s.multiplier[low:low + SLICE] for low in lows})
+                 **partial_products(s.multiplicand, s.multiplier))
         product = Signal(2 * fmt.precision)
-        m.d.comb += product.eq(sum(getattr(s, f"partial_{low}") << low for low in lows))
+        m.d.comb += product.eq(sum_of_partial_products(s))
         s = rank("product", **pick(s, classes), exponent=s.exponent, product=product)
 
         # Normalise: the product of two numbers in [1, 2) is in [1, 4). With ``carry`` the exponent is one

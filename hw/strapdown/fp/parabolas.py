@@ -7,7 +7,7 @@ import numpy as np
 from amaranth import *
 from amaranth.lib.memory import Memory
 
-__all__ = ["SCALE", "Parabolas", "parabolas"]
+__all__ = ["SCALE", "Parabolas", "parabolas", "reciprocal_value"]
 
 SCALE = 96
 """Fraction bits of the function values from which coefficients are computed."""
@@ -26,6 +26,11 @@ def parabolas(function: Callable[[int, int], int], first: int, length: int, inte
             function(2000 * intervals * first + length * (2000 * interval + 1000 + side), 2000 * intervals)
             for side in (-866, 0, 866))
         yield middle, (after - before) * 1000 // 866, (after + before - 2 * middle) * 2 * 1000**2 // 866**2
+
+
+def reciprocal_value(numerator: int, denominator: int) -> int:
+    """The function 1/x for ``parabolas``."""
+    return (denominator << SCALE) // numerator
 
 
 class Parabolas(NamedTuple):

@@ -7,7 +7,10 @@ from amaranth import *
 from .rounding import Rounding
 
 __all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_significand", "pack",
-           "align_subnormal", "round_and_pack"]
+           "align_subnormal", "round_and_pack", "partial_products", "sum_of_partial_products"]
+
+SLICE = 17
+"""Bits of an operand for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits."""
 
 FINE_LEVELS = 3
 """Levels of a shifter (by 1, 2 and 4) after the cut inside it."""
@@ -174,3 +177,14 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
     packed = pack(m, fmt, number.sign, encoded, is_nan=number.is_nan, is_infinite=is_infinite,
                   is_zero=number.is_zero | (tiny & (not fmt.gradual)))
     return packed, flags
+
+
+def partial_products(multiplicand, multiplier):
+    """The products of a multiplicand and the slices of a multiplier, by names for ``sum_of_partial_products``."""
+    return {f"partial_{low}": multiplicand * multiplier[low:low + SLICE] for low in range(0, len(multiplier), SLICE)}
+
+
+def sum_of_partial_products(values):
+    """The product of which a namespace has the ``partial_products``."""
+    return sum(value << int(name.removeprefix("partial_"))
+               for name, value in vars(values).items() if name.startswith("partial_"))

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from amaranth import *
 
-from .parabolas import SCALE, Parabolas, parabolas
+from .parabolas import SCALE, Parabolas, parabolas, reciprocal_value
 from .pipeline import Pipeline, PipelinedOperator, pick
 from .stages import pack, unpack
 
@@ -138,12 +138,8 @@ def _table(precision):
     """Parabolas of 1/x for x in [1, 2), then of 1/sqrt(x) for x in [1, 2) and in [2, 4)."""
     count = 1 << INDEX_BITS
     return Parabolas.of(
-        [*parabolas(_reciprocal, 1, 1, count), *parabolas(_reciprocal_root, 1, 1, count // 2),
+        [*parabolas(reciprocal_value, 1, 1, count), *parabolas(_reciprocal_root, 1, 1, count // 2),
          *parabolas(_reciprocal_root, 2, 2, count // 2)], FRACTION_BITS, OFFSET_BITS, precision)
-
-
-def _reciprocal(numerator, denominator):
-    return (denominator << SCALE) // numerator
 
 
 def _reciprocal_root(numerator, denominator):
