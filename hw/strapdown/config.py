@@ -5,7 +5,7 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, get_type_hints
 
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
@@ -198,14 +198,35 @@ class Config(BaseModel):
     def replace(self, **changes):
         """This configuration with some fields changed.
 
-        Values may be strings, as they come from a command line: a tuple as comma-separated names, an
-        interval of None as the empty string. Raises: ConfigError.
+        Parameters of the pool are fields, too, by their names in ``Pool.parameters``, as in ``adders=2``; see
+        ``Pool.with_parameters``. Values may be strings, as they come from a command line: a tuple as comma-separated
+        names, an interval of None as the empty string. Raises: ConfigError.
         """
+        known = self.pool.known_parameters
+        if names := [name for name in changes if name in known and name not in type(self).model_fields]:
+            pool = changes.get("pool", self.pool)
+            changed = self._changed_pool(pool, {name: changes.pop(name) for name in names})
+            changes |= {"pool": changed}
         try:
             # Without the fields that follow from others.
             return type(self)(**({name: getattr(self, name) for name in self.model_fields_set} | changes))
         except pydantic.ValidationError as error:
             raise ConfigError(_one_line(self, error)) from None
+
+    def _changed_pool(self, pool, values):
+        """A pool with other values of parameters. Raises: ConfigError."""
+        typed = {}
+        for name, value in values.items():
+            owner, parameter = pool.known_parameters[name]
+            try:
+                typed[name] = pydantic.TypeAdapter(get_type_hints(owner)[parameter.name]).validate_python(value)
+            except pydantic.ValidationError as error:
+                meaning = error.errors()[0]["msg"].removeprefix("Input should be ")
+                raise ConfigError(f"configuration {self.name}: {name} must be {meaning}, not {value!r}") from None
+        try:
+            return pool.with_parameters(**typed)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"configuration {self.name}: {error}") from None
 
 
 class TunableConfig(Config):
@@ -241,7 +262,8 @@ def _one_line(config, error):
     where = ".".join(str(part) for part in first["loc"][:1])
     if first["type"] == "extra_forbidden":
         fields = ", ".join(field for field in type(config).model_fields if field != "pool")
-        return f"configuration {config.name} has no field {where!r}: choose from {fields}"
+        return (f"configuration {config.name} has no field {where!r}: choose from {fields}; of its pool: "
+                f"{', '.join(name for name in config.pool.parameters if name not in type(config).model_fields)}")
     message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if not where:
         return f"configuration {config.name}: {message}"

@@ -95,7 +95,7 @@ def test_pictures_are_equal_for_equal_figures(tmp_path):
 def drawn(draw, report, tmp_path, monkeypatch):
     """The figure of a picture."""
     figures = []
-    monkeypatch.setattr(plots, "_save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
     draw(tmp_path / "picture.png", report)
     return figures[0]
 

@@ -29,7 +29,7 @@ __all__ = ["UserError", "main"]
 PLUGINS = "strapdown.commands"
 """Entry points under which an installed package adds commands."""
 
-LAB_COMMANDS = "accuracy", "report"
+LAB_COMMANDS = "accuracy", "explore", "report"
 """Commands of the laboratory, which is not in the wheel."""
 
 

@@ -7,7 +7,7 @@ import click
 
 from strapdown.config import ConfigError
 
-from .common import UserError, config_options, named_configuration, show_table, target_of, with_changes, writing
+from .common import UserError, config_options, configuration, show_table, target_of, writing
 from .jobs import job_options
 from .logs import log_options
 from .progress import progress_of_stages
@@ -50,7 +50,7 @@ def batch(places, config_name, changes, output, choice, html, build, jobs, sched
     logs, without = find_logs(places, output)
     if without:
         raise UserError(f"no file matches {without[0]!r}")
-    configured = partial(_configuration, config_name or config.name, changes)
+    configured = partial(configuration, config_name or config.name, changes)
     try:
         if html:
             require_plotly()
@@ -67,11 +67,6 @@ def batch(places, config_name, changes, output, choice, html, build, jobs, sched
     with writing(output):
         write_table(done, output, config, html=html)
     _show(done, output, html)
-
-
-def _configuration(name, changes):
-    """The configuration, in a worker too."""
-    return with_changes(named_configuration(name), changes)
 
 
 def _listed(names):

@@ -13,8 +13,8 @@ import click
 from strapdown.config import Config, ConfigError
 from strapdown.cores import CONFIGS, main_module, make_core, make_module, modules_of
 
-__all__ = ["UserError", "changed", "command_line", "config_options", "configured", "core_of", "made_module",
-           "named_configuration", "own_line", "show_table", "target_of", "with_changes", "writing"]
+__all__ = ["UserError", "changed", "command_line", "config_options", "configuration", "configured", "core_of",
+           "made_module", "named_configuration", "own_line", "show_table", "target_of", "with_changes", "writing"]
 
 DEFAULT = "thesis"
 
@@ -138,6 +138,11 @@ def with_changes(config, changes):
         return config.replace(**fields)
     except ConfigError as error:
         raise UserError(str(error)) from None
+
+
+def configuration(name, changes):
+    """The configuration called ``name`` with the ``FIELD=VALUE`` of ``--set``, also in a worker. Raises: UserError."""
+    return with_changes(named_configuration(name), changes)
 
 
 def target_of(target, config_name, changes, modules=()):

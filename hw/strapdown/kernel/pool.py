@@ -10,7 +10,7 @@ from typing import Any
 
 from strapdown.fp import BINARY32, FloatFormat, Subnormals
 
-from .operators import Adder, Arctangent, Divider, Multiplier, Operator, Selector
+from .operators import KINDS, Adder, Arctangent, Divider, Multiplier, Operator, Selector
 
 __all__ = ["STYLES", "MemoryStyle", "Pool", "Unit"]
 
@@ -193,10 +193,43 @@ class Pool:
     @property
     def parameters(self):
         """All parameters but the format, by name. Those of operators have names like ``adders``, ``adder_latency``."""
-        found = {f"{each.name}s" if parameter.name == "count" else f"{each.name}_{parameter.name}":
-                 getattr(each, parameter.name) for each in self.operators for parameter in fields(each)}
-        return found | {parameter.name: getattr(self, parameter.name) for parameter in fields(self)
-                        if parameter.name not in ("format", "operators")}
+        return {name: getattr(each, parameter.name) for each in (*self.operators, self)
+                for name, parameter in _parameters_of(type(each)).items()}
+
+    @property
+    def known_parameters(self):
+        """Maps each name that ``with_parameters`` takes to the class that has the parameter, and its field. The class
+        is Pool or a kind of operator, which the pool need not have."""
+        kinds = KINDS | {each.name: type(each) for each in self.operators}
+        return {name: (owner, parameter) for owner in (*kinds.values(), Pool)
+                for name, parameter in _parameters_of(owner).items()}
+
+    def with_parameters(self, **values):
+        """This pool with other values of some ``parameters``.
+
+        The number of an operator that the pool does not have adds it, as in ``reciprocal_roots=1``; a number of 0
+        removes one. Raises: ValueError for an unknown name, and for a parameter of an operator that the pool does not
+        have; TypeError and ValueError as Pool.
+        """
+        known = self.known_parameters
+        changes: dict[Any, dict[str, Any]] = {}
+        for name, value in values.items():
+            if name not in known:
+                raise ValueError(f"a pool has no parameter {name!r}")
+            owner, parameter = known[name]
+            changes.setdefault(owner, {})[parameter.name] = value
+        own = changes.pop(Pool, {})
+        operators = {each.name: each for each in self.operators}
+        for kind, change in changes.items():
+            if change.get("count") == 0:
+                operators.pop(kind.name, None)
+            elif kind.name in operators:
+                operators[kind.name] = replace(operators[kind.name], **change)
+            elif "count" in change:
+                operators[kind.name] = kind(**change)
+            else:
+                raise ValueError(f"the pool has no {kind.name}: {kind.name}s=1 adds one")
+        return replace(self, operators=tuple(operators.values()), **own)
 
     @property
     def memory_delay(self):
@@ -247,6 +280,15 @@ class Pool:
     def compute(self, operation, *arrays):
         """Result of the units for ``operation`` on arrays of the format's dtype, bit for bit."""
         return self.operations[operation][0].operations[operation](*arrays)
+
+
+def _parameters_of(owner):
+    """Maps the name of each parameter of Pool, or of a kind of operator, to its field."""
+    if owner is Pool:
+        return {parameter.name: parameter for parameter in fields(owner)
+                if parameter.name not in ("format", "operators")}
+    return {f"{owner.name}s" if parameter.name == "count" else f"{owner.name}_{parameter.name}": parameter
+            for parameter in fields(owner)}
 
 
 def _numbered(name, count):

@@ -4,14 +4,12 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, MaxNLocator
-from matplotlib.transforms import Bbox
 
 from .anchors import CORE_ANCHORS, OPERATOR_ANCHORS
+from .drawing import INK, OURS, around, finish, place_labels, save
 from .tables import microseconds
 
 __all__ = ["core_plot", "operator_plot"]
@@ -19,7 +17,7 @@ __all__ = ["core_plot", "operator_plot"]
 _MARKERS = "o^sv"
 """Markers of the curves of one colour in a panel."""
 
-_INK, _OURS, _GRADUAL, _ANCHOR, _GRID = "#10243e", "#1f6fb4", "#cc6633", "#8a94a3", "#e4e4e4"
+_GRADUAL, _ANCHOR = "#cc6633", "#8a94a3"
 
 
 def core_plot(path, report):
@@ -31,15 +29,15 @@ def core_plot(path, report):
     axes = figure.subplots()
     software = [anchor for anchor in CORE_ANCHORS if anchor.lut is None]
     public = [(anchor, anchor.microseconds, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
-    labels = [((time, lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": _INK}) for anchor, time, lut in public]
+    labels = [((time, lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": INK}) for anchor, time, lut in public]
     for names, row in _merged([row for row in report["cores"] if "ecp5" in row]):
         labels.append(((microseconds(row), row["xc7"]["lut"]), f"{', '.join(names)}\n{row['xc7']['dsp']} DSP",
-                       {"color": _OURS, "fontweight": "bold"}))
+                       {"color": OURS, "fontweight": "bold"}))
     for anchor, time, lut in public:
         axes.scatter(time, lut, s=70, linewidth=1.6, zorder=3, edgecolor=_ANCHOR,
                      facecolor="white" if anchor.basis == "estimate" else _ANCHOR)
     ours = labels[len(public):]
-    axes.scatter([x for (x, _), _, _ in ours], [y for (_, y), _, _ in ours], s=150, marker="*", color=_OURS, zorder=4)
+    axes.scatter([x for (x, _), _, _ in ours], [y for (_, y), _, _ in ours], s=150, marker="*", color=OURS, zorder=4)
     notes = []
     for anchor in software:
         axes.axvline(anchor.microseconds, color=_ANCHOR, linewidth=1.0, linestyle=(0, (4, 4)), zorder=1)
@@ -56,60 +54,11 @@ def core_plot(path, report):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
     axes.set_title("Navigation cores: area against time", loc="left", fontweight="bold", pad=24)
     axes.text(0, 1.02, "blue: measured here;  grey: public cores, their authors' figures (open: before routing);  "
-              "dashed: software", transform=axes.transAxes, fontsize=8.5, color=_INK)
-    _finish(axes)
+              "dashed: software", transform=axes.transAxes, fontsize=8.5, color=INK)
+    finish(axes)
     figure.draw_without_rendering()  # The axes do not change after this.
-    _place_labels(axes, labels, [note.get_window_extent() for note in notes], fontsize=8)
-    _save(figure, path)
-
-
-# Possible places of a label at its point, the best first: offset in points, alignment.
-_PLACES = (((9, 0), "left", "center"), ((-9, 0), "right", "center"), ((0, 9), "center", "bottom"),
-           ((0, -9), "center", "top"), ((7, 5), "left", "bottom"), ((7, -5), "left", "top"),
-           ((-7, 5), "right", "bottom"), ((-7, -5), "right", "top"))
-_MARKER = 11
-"""Half the side of the box around a marker, in pixels."""
-
-
-def _place_labels(axes, labels, obstacles, **style):
-    """Write labels (point, text, style) at their points, where they cover the least and are not ambiguous.
-
-    ``obstacles`` are boxes in pixels; the points themselves join them.
-    """
-    taken = [*obstacles, *(_around(axes, point) for point, _, _ in labels)]
-    for point, text, own_style in labels:
-        own, tried = _around(axes, point), []
-        others = [_around(axes, other) for other, _, _ in labels if other != point]
-        for place, (offset, horizontal, vertical) in enumerate(_PLACES):
-            label = axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=horizontal, va=vertical,
-                                  linespacing=1.2, zorder=5, **style, **own_style,
-                                  path_effects=[withStroke(linewidth=2.5, foreground="white")])
-            label.set_in_layout(False)
-            box = label.get_window_extent()
-            label.set_visible(False)
-            outside = box.width * box.height - _overlap(box, axes.bbox)
-            nearer = sum(max(0, _distance(box, own) + _MARKER - _distance(box, other)) for other in others)
-            # Covering another object is bad; a place outside the axes or at another point is worse.
-            tried.append((sum(_overlap(box, other) for other in taken) + 4 * outside + 50 * nearer, place, label, box))
-        *_, label, box = min(tried, key=lambda trial: trial[:2])
-        label.set_visible(True)
-        taken.append(box)
-
-
-def _around(axes, point):
-    """Box around the marker of a point."""
-    x, y = axes.transData.transform(point)
-    return Bbox.from_extents(x - _MARKER, y - _MARKER, x + _MARKER, y + _MARKER)
-
-
-def _distance(a, b):
-    """Distance of two boxes."""
-    return np.hypot(max(0, a.x0 - b.x1, b.x0 - a.x1), max(0, a.y0 - b.y1, b.y0 - a.y1))
-
-
-def _overlap(a, b):
-    common = Bbox.intersection(a, b)
-    return 0 if common is None else common.width * common.height
+    place_labels(axes, labels, [note.get_window_extent() for note in notes], fontsize=8)
+    save(figure, path)
 
 
 def _merged(rows):
@@ -155,19 +104,19 @@ def operator_plot(path, report):
                        for each in series]
         named.append((area, labels, [(row["latency"], row["xc7"]["lut"]) for row in rows]))
     for axes in panels.flat:
-        _finish(axes)
+        finish(axes)
     figure.align_ylabels()
     ours: dict[str, Any] = {"marker": "o", "linestyle": "-", "markersize": 5}
     public: dict[str, Any] = {"marker": "D", "linestyle": "none", "markersize": 5, "markerfacecolor": "white"}
-    handles = [Line2D([], [], color=_OURS, label="flushes subnormals", **ours),
+    handles = [Line2D([], [], color=OURS, label="flushes subnormals", **ours),
                Line2D([], [], color=_GRADUAL, label="keeps subnormals", **ours),
-               Line2D([], [], color=_OURS, label="public, flushes", **public),
+               Line2D([], [], color=OURS, label="public, flushes", **public),
                Line2D([], [], color=_GRADUAL, label="public, keeps", **public)]
     figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
     figure.draw_without_rendering()  # The axes do not change after this.
     for area, labels, points in named:
-        _place_labels(area, labels, [_around(area, point) for point in points], fontsize=7)
-    _save(figure, path)
+        place_labels(area, labels, [around(area, point) for point in points], fontsize=7)
+    save(figure, path)
 
 
 def _draw_operator(area, speed, operator, series):
@@ -188,7 +137,7 @@ def _draw_operator(area, speed, operator, series):
             speed.fill_between(latency, spread.min(axis=1), spread.max(axis=1), color=colour, alpha=0.18, linewidth=0)
     for anchor in _anchors(operator):
         area.plot(anchor.latency, anchor.lut, "D", markersize=5, markerfacecolor="white", zorder=3,
-                  markeredgecolor=_GRADUAL if anchor.gradual else _OURS)
+                  markeredgecolor=_GRADUAL if anchor.gradual else OURS)
     area.set_title(operator, loc="left", fontweight="bold", fontsize=10)
     area.set_ylabel("LUTs, 7 series", fontsize=8)
     area.set_ylim(0, area.get_ylim()[1] * 1.08)
@@ -230,7 +179,7 @@ def _curves(rows):
         if row["interval"] == 1:
             curves.setdefault(row["operator"], {}).setdefault((row["subnormals"], *row["formats"]), []).append(row)
     return {operator: [
-        _Curve(" to ".join(formats), _GRADUAL if policy == "gradual" else _OURS,
+        _Curve(" to ".join(formats), _GRADUAL if policy == "gradual" else OURS,
                sorted(group, key=lambda row: row["latency"])) for (policy, *formats), group in groups.items()]
         for operator, groups in curves.items()
         if max(len({row["latency"] for row in group}) for group in groups.values()) >= 3}
@@ -240,13 +189,3 @@ def _anchors(operator):
     """Public pipelined operators with known latency."""
     return [anchor for anchor in OPERATOR_ANCHORS
             if anchor.operator == operator and anchor.pipelined and anchor.latency is not None]
-
-
-def _finish(axes):
-    axes.grid(color=_GRID, linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def _save(figure, path):
-    FigureCanvasAgg(figure).print_png(path, metadata={"Software": None})

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-__all__ = ["FUNCTIONS", "OPERATIONS", "Operation", "Operator", "meaning"]
+__all__ = ["FUNCTIONS", "KINDS", "OPERATIONS", "Operation", "Operator", "meaning"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,9 @@ OPERATIONS: dict[str, Operation] = {}
 
 FUNCTIONS: dict[str, Callable] = {}
 """Further names for kernels. Each maps to a function of ``xp`` and operands that consists of operations."""
+
+KINDS: dict[str, type["Operator"]] = {}
+"""All kinds of operators by name; the definition of an operator adds it."""
 
 _DEFINED_BY: dict[str, tuple[str, str]] = {}
 """Name of an operation or a function to the module and the qualified name of the operator that defines it."""
@@ -136,6 +139,7 @@ class Operator:
             _DEFINED_BY.setdefault(name, owner)
         OPERATIONS.update({each.name: each for each in cls.operations})
         FUNCTIONS.update(cls.functions)
+        KINDS[cls.name] = cls
 
     @classmethod
     def _check_operands(cls):
