@@ -33,6 +33,7 @@ from strapdown_lab.faults.__main__ import main as flips
 from strapdown_lab.proof import mutation
 from strapdown_lab.proof.__main__ import main as proof
 from strapdown_lab.proof.solver import Outcome as Proof
+from strapdown_lab.synthesis import Ecp5Placement, Xc7Resources
 from strapdown_sim.drivers.faults import FaultModel, Outcome, Verdict
 from strapdown_sim.drivers.optical import ANGLES
 from strapdown_sim.drivers.pins import Line, PinInterface, PinRun
@@ -235,6 +236,23 @@ def report(words, place):
     assert (place.folder / "build" / "report" / "report.md").exists()
 
 
+def pools(words, place):
+    """The results of the tools are invented, and few pools are scheduled."""
+    resources = Xc7Resources(lut=1000, memory_lut=0, ff=1, dsp=2, bram=1)
+    placed = Ecp5Placement(lut=1, ff=1, multiplier=0, ebr=0, fmax_mhz=(400.0,), critical=("a", "b"))
+    place.stand_in("strapdown_sim.jobs._Processes", ThreadPoolExecutor)
+    place.stand_in("strapdown_lab.explore.search.synthesise_xc7", lambda verilog, top, cache: resources)
+    place.stand_in("strapdown_lab.explore.search.place_ecp5", lambda verilog, top, cache, seeds: placed)
+    place.stand_in("strapdown_lab.report.measure.tool_versions", lambda *packages: dict.fromkeys(packages, "1"))
+    for module in "strapdown.export.verilog", "strapdown_lab.explore.search":
+        place.stand_in(f"{module}.to_verilog", empty_verilog)
+    page = (ROOT / "docs" / "kernels.md").read_text(encoding="utf-8")
+    (place.folder / "my_core.py").write_text(own_kernel(page), encoding="utf-8")
+    lines = place.invoke(main, [*words[1:], "--pools", "2", "--jobs", "1"]).splitlines()
+    assert lines[-2].startswith("strapdown generate")
+    assert (place.folder / lines[-1]).exists()
+
+
 def compiled(words, place):
     """The compiler of this machine is called in place of the other, which tests/ip/test_arm.py calls."""
     table = register_table(make_core("QUAT_direct", QUATERNION_J2), QUATERNION_J2)
@@ -368,6 +386,7 @@ RULES = {
     r"strapdown(?: \w+)?": named,
     r"strapdown monitor /dev/ttyUSB0 .*": serial,
     r"strapdown monitor .*": strapdown,
+    r"strapdown explore .*": pools,
     r"strapdown report --vivado .*": reports,
     r"strapdown report .*": report,
     r"strapdown families .*": families,

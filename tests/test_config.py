@@ -61,7 +61,15 @@ def test_replace_takes_values_and_strings():
                                           "with its sign, as in +y,-x,+z, not ('+x', '+y')"),
     ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
                   "interval, operand_memory, side_memory, microcode, restart_after, clock_enable, inputs, kp, ki, "
-                  "magnetometer_axes"),
+                  "magnetometer_axes; of its pool: adder_latency, adders, multiplier_latency, multipliers, "
+                  "divider_bits_per_cycle, dividers, arctangent_steps_per_cycle, arctangents, forwarding, "
+                  "private_ports"),
+    ({"adders": "two"}, "configuration thesis: adders must be a valid integer, unable to parse string as an integer, "
+                        "not 'two'"),
+    ({"forwarding": "maybe"}, "configuration thesis: forwarding must be a valid boolean, unable to interpret input, "
+                              "not 'maybe'"),
+    ({"adder_latency": "99"}, "configuration thesis: latency must be from 1 to 8, not 99"),
+    ({"extremes_latency": "1"}, "configuration thesis: the pool has no extremes: extremess=1 adds one"),
     ({"channels": "0"}, "configuration thesis: channels must be greater than or equal to 1, not '0'"),
     ({"channels": 6}, "configuration thesis: channels must be a power of two, not 6"),
     ({"channels": 128}, "configuration thesis: channels must be less than or equal to 64, not 128"),
@@ -76,6 +84,14 @@ def test_errors_are_one_line(change, message):
     with pytest.raises(ConfigError) as error:
         THESIS.replace(**change)
     assert str(error.value) == message
+
+
+def test_parameters_of_the_pool_are_fields():
+    changed = THESIS.replace(adders="2", arctangents=0, forwarding="no", kp="3")
+    assert changed.pool.parameters == {name: value for name, value in (
+        THESIS.pool.parameters | {"adders": 2, "forwarding": False}).items() if not name.startswith("arctangent")}
+    assert changed.kp == 3
+    assert THESIS.replace(adders=2).replace(name="other").pool.parameters["adders"] == 2
 
 
 @pytest.mark.parametrize("config", [config for config in CONFIGS.values()

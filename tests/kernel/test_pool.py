@@ -66,6 +66,24 @@ def test_parameters_are_told_by_name():
     assert parameters["forwarding"] is False
 
 
+def test_parameters_are_changed_by_name():
+    pool = Pool().with_parameters(adders=2, adder_latency=4, dividers=0, reciprocal_roots=2, forwarding=False)
+    assert pool == Pool(operators=(Adder(count=2, latency=4), Multiplier(), Arctangent(), Selector(),
+                                   ReciprocalRoot(count=2)), forwarding=False)
+    assert Pool().with_parameters(**Pool().parameters) == Pool()
+
+
+@pytest.mark.parametrize(("values", "message"), [
+    ({"format": 1}, "a pool has no parameter 'format'"),
+    ({"extremes_latency": 2}, "the pool has no extremes: extremess=1 adds one"),
+    ({"adder_latency": 99}, "latency must be from 1 to 8, not 99"),
+    ({"adders": -1}, "count of adder must be at least 1, not -1"),
+])
+def test_wrong_changes_of_parameters_are_refused(values, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        Pool().with_parameters(**values)
+
+
 def test_an_operation_has_one_operator():
     with pytest.raises(ValueError, match=r"^operators must offer add once: adder and adder do$"):
         Pool(operators=(Adder(), Adder(latency=4), Selector()))

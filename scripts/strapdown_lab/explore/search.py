@@ -131,7 +131,7 @@ class Search:
             self._names.setdefault(pool_key(other.engine_pool), []).append(name)
             yield base if name == self.config.name else other.engine_pool
 
-    def _walk(self):
+    def _walk(self) -> None:
         """Goes from the pools on the front to their neighbours, until all neighbours are known."""
         walked: set[str] = set()
         while len(self._pools) < self.limits.pools:
@@ -148,7 +148,7 @@ class Search:
                     break
             self._schedule(list(fresh.values())[:room])
 
-    def _schedule(self, pools: Iterable[Pool]):
+    def _schedule(self, pools: Iterable[Pool]) -> None:
         """Adds a row for each new pool that the engine takes."""
         running = []
         for pool in pools:

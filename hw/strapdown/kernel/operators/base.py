@@ -135,11 +135,14 @@ class Operator:
         for name in [name for name, other in _DEFINED_BY.items() if other == owner]:
             for names in OPERATIONS, FUNCTIONS, _DEFINED_BY:
                 names.pop(name, None)
+        for name in [name for name, kind in KINDS.items() if (kind.__module__, kind.__qualname__) == owner]:
+            KINDS.pop(name)
         for name in offered:
             _DEFINED_BY.setdefault(name, owner)
         OPERATIONS.update({each.name: each for each in cls.operations})
         FUNCTIONS.update(cls.functions)
-        KINDS[cls.name] = cls
+        if "name" in vars(cls):
+            KINDS.setdefault(cls.name, cls)
 
     @classmethod
     def _check_operands(cls):
