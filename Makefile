@@ -5,6 +5,7 @@ CONFIG ?= thesis
 SIM ?= verilator
 WAVES ?=
 RECORDINGS ?= ../shared/recordings
+VALIDATION ?= ../shared/validation
 ONLY ?=
 BASE ?= HEAD
 PART ?= 1
@@ -112,10 +113,11 @@ faults: setup ## Flip COUNT bits of a core during a recording; CONFIG, SEED, ONL
 		--recordings $(RECORDINGS) --output build/faults
 	$(if $(ONLY),,mkdir -p docs/faults && cp build/faults/$(CONFIG).json docs/faults)
 
-accuracy: $(VENV)/ready-accuracy ## Errors of attitude filters on real recordings, and of the optical sensor, for `make docs`; RECORDINGS=folder.
+accuracy: $(VENV)/ready-accuracy ## Errors of attitude filters on real recordings, and of the optical sensor, for `make docs`; RECORDINGS, VALIDATION: folders.
 	$(BIN)/python -m strapdown_lab.studies.optical
 	$(BIN)/python -m strapdown_lab.studies.optical_pins
-	$(BIN)/strapdown accuracy $(RECORDINGS) --output build/accuracy
+	$(BIN)/strapdown accuracy $(RECORDINGS) $(VALIDATION) --output build/accuracy
+	$(BIN)/python -m strapdown_lab.studies.flight_cases $(RECORDINGS) $(VALIDATION)
 	mkdir -p docs/report && cp build/accuracy/accuracy.json build/accuracy/accuracy.png docs/report
 
 lint: setup ## Check style, types, spelling and the direction of imports.

@@ -283,11 +283,14 @@ def accuracy(words, place):
     """No recording: the command ends with one line. Other tests check the filters."""
     place.monkeypatch.chdir(place.folder)
     place.stand_in("strapdown_lab.studies.accuracy.version", lambda package: "1")
-    (place.folder / "recordings").mkdir()
-    words = ["recordings" if word.endswith("recordings") else word for word in words]
+    folders = "recordings", "validation"
+    for folder in folders:
+        (place.folder / folder).mkdir()
+    words = [next((folder for folder in folders if word.endswith(folder)), word) for word in words]
     result = CliRunner().invoke(main, words[1:])
     assert result.exit_code == 2
-    assert result.stderr.splitlines()[-1] == "strapdown: recordings has no .npz recording with a reference orientation"
+    assert result.stderr.splitlines()[-1] == (
+        "strapdown: recordings, validation: no .npz recording with a reference orientation")
 
 
 def proofs(words, place):
@@ -366,7 +369,8 @@ def recipe(words, place):
             proofs(rest, place)
         case ["python", "-m", "strapdown_lab.faults", *rest]:
             faults(rest, place)
-        case ["python", "-m", "strapdown_lab.studies.optical" | "strapdown_lab.studies.optical_pins"]:
+        case ["python", "-m", "strapdown_lab.studies.optical" | "strapdown_lab.studies.optical_pins"
+              | "strapdown_lab.studies.flight_cases", *_]:
             # tests/lab/test_optical.py measures some of their figures.
             pass
         case ["python", "-m", "strapdown_lab.docs"]:

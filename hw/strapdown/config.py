@@ -13,7 +13,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from strapdown.kernel.pool import STYLES, MemoryStyle, Pool
 from strapdown.kernel.system import System
 
-__all__ = ["Assembly", "Axes", "Config", "ConfigError", "Gain", "Names", "Positive", "RightHandedAxes", "TunableConfig"]
+__all__ = ["Angle", "Assembly", "Axes", "Config", "ConfigError", "Gain", "Matrix", "Names", "Positive",
+           "RightHandedAxes", "TunableConfig", "Vector"]
 
 
 class ConfigError(ValueError):
@@ -59,6 +60,38 @@ Axes = Annotated[Names, _EITHER_HAND]
 RightHandedAxes = Annotated[Names, _EITHER_HAND, AfterValidator(_right_handed)]
 Gain = Annotated[float, Field(ge=0, le=1e6, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+Angle = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
+
+
+def _vector(value):
+    """Three numbers of a command line; other values unchanged."""
+    value = _listed(value)
+    if isinstance(value, tuple) and len(value) != 3:
+        raise ValueError("must be three numbers, as in 0,0,0.5")
+    return value
+
+
+def _rows(value):
+    """Three rows of a matrix from nine numbers of a command line; three rows unchanged."""
+    numbers = _listed(value)
+    rows = tuple(numbers[i:i + 3] for i in range(0, 9, 3)) if isinstance(value, str) else value
+    if len(numbers) != (9 if isinstance(value, str) else 3):
+        raise ValueError("must be nine numbers, by rows")
+    return rows
+
+
+def _invertible(rows):
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) == 0:
+        raise ValueError("must have an inverse")
+    return rows
+
+
+Number = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+Vector = Annotated[tuple[Number, Number, Number], BeforeValidator(_vector)]
+"""Three numbers, comma-separated on a command line."""
+Matrix = Annotated[tuple[Vector, Vector, Vector], BeforeValidator(_rows), AfterValidator(_invertible)]
+"""Three rows of three numbers: nine numbers, by rows, on a command line."""
 
 
 def _style(value):
@@ -126,6 +159,9 @@ class Config(BaseModel):
 
     clock_enable: bool = Field(
         default=False, description="whether the core has a clock enable, the port ce; it counts enabled cycles only")
+
+    removed: ClassVar[dict[str, str]] = {}
+    """Maps each field of an earlier release that is gone to what is set in its place."""
 
     @field_validator("*")
     @classmethod
@@ -240,6 +276,8 @@ class TunableConfig(Config):
     @field_validator("inputs")
     @classmethod
     def _tunable(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        if gone := [name for name in names if name in cls.removed]:
+            raise ValueError(f"must not name {gone[0]}, which was removed: use {cls.removed[gone[0]]}")
         if unknown := [name for name in names if name not in cls.tunable]:
             raise ValueError(f"must name parameters of the filter ({unknown[0]} is unknown)")
         if twice := [name for name in names if names.count(name) > 1]:
@@ -260,6 +298,8 @@ def _one_line(config, error):
     """The first error of a ValidationError as one line."""
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"][:1])
+    if first["type"] == "extra_forbidden" and where in type(config).removed:
+        return f"configuration {config.name}: {where} was removed: use {type(config).removed[where]}"
     if first["type"] == "extra_forbidden":
         fields = ", ".join(field for field in type(config).model_fields if field != "pool")
         return (f"configuration {config.name} has no field {where!r}: choose from {fields}; of its pool: "

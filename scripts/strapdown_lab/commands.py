@@ -174,12 +174,12 @@ def compare(commit, config_names, place, seeds, output, build, **where):
 
 
 @click.command()
-@click.argument("recordings", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/accuracy"),
               show_default=True, help="Folder for accuracy.json, accuracy.md and accuracy.png.")
 @job_options
 def accuracy(recordings, output, **where):
-    """Run the filters of this project and published filters on all .npz files of the folder RECORDINGS.
+    """Run the filters of this project and published filters on all .npz files of the folders RECORDINGS.
 
     Needs the packages vqf, imufusion and ahrs, which 'make accuracy' installs.
     """
@@ -188,13 +188,13 @@ def accuracy(recordings, output, **where):
         task = bars.add_task("filters on recordings", total=None)
         try:
             result = measure_accuracy(
-                recordings, progress=lambda done, total: bars.update(task, completed=done, total=total), **where)
+                *recordings, progress=lambda done, total: bars.update(task, completed=done, total=total), **where)
         except (JobsError, RecordingError) as error:
             raise UserError(str(error)) from None
         except ModuleNotFoundError as error:
             raise UserError(f"the package {error.name} is not installed: 'make accuracy' installs it") from None
     if not result["recordings"]:
-        raise UserError(f"{recordings} has no .npz recording with a reference orientation")
+        raise UserError(f"{', '.join(map(str, recordings))}: no .npz recording with a reference orientation")
     with writing(output), written_together(output) as folder:
         path = write_accuracy(result, folder)
     click.echo(output / path.name)

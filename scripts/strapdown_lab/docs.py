@@ -47,8 +47,9 @@ from .report.optical_diagram import draw_optical
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.sensors import sensor_blocks, write_waves
 from .report.tables import anchor_table, bus_table, core_table, flow_lines, microseconds, operator_tables
-from .studies.accuracy import figure_table
+from .studies.accuracy import figure_table, means
 from .studies.airliner import airliner_table
+from .studies.flight_cases import cases_table
 from .studies.flight_parts import parts_table
 from .studies.optical import flights_table, geometry_lines, positions_table
 from .studies.optical_pins import pins_table, rules_table
@@ -213,6 +214,15 @@ def accuracy_blocks():
     return {f"{figure} error": figure_table(result, figure) for figure in ("total", "inclination")}
 
 
+def flight_line():
+    """The mean errors of the flight filter and of VQF, for the list in README.md."""
+    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text(encoding="utf-8"))
+    others, tuned = (means(result, 9, tuned) for tuned in (False, True))
+    return ("  Its mean RMS error is {:.2f}° on recordings that it was not tuned on (VQF: {:.2f}°), and {:.2f}° on "
+            "those that its\n  parameters were chosen on ({:.2f}°);").format(
+                *(figures[name]["total"] for figures in (others, tuned) for name in ("flight", "vqf")))
+
+
 def faults_blocks():
     """Tables of docs/faults.md, by the name of their block; none without figures."""
     files = [ROOT / "docs" / "faults" / f"{name}.json" for name in CONFIGS]
@@ -251,6 +261,11 @@ def optical_module_blocks():
         "frame": markdown_table(["offset:", "number", "unit", "meaning"], [
             [4 * place, f"`{number.name}`", number.unit, number.meaning]
             for place, number in enumerate(OPTICAL_ATTITUDE.quantities)])}
+
+
+def cases_block():
+    """Table of the flight filter where filters fail."""
+    return cases_table(json.loads((ROOT / "docs" / "report" / "flight_cases.json").read_text(encoding="utf-8")))
 
 
 def parts_block():
@@ -300,6 +315,7 @@ def main():
         write_blocks(ROOT / "docs" / "families.md", family_blocks())
     if (figures / "accuracy.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
+        write_blocks(ROOT / "README.md", {"flight accuracy": flight_line()})
     if (figures / "airliner.json").exists():
         write_blocks(ROOT / "docs" / "sins.md", {"airliner": airliner_block()})
     if (figures / "optical.json").exists():
@@ -308,6 +324,8 @@ def main():
         write_blocks(ROOT / "docs" / "optical.md", optical_pin_blocks())
     if (figures / "flight_parts.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"parts": parts_block()})
+    if (figures / "flight_cases.json").exists():
+        write_blocks(ROOT / "docs" / "flight.md", {"cases": cases_block()})
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ from .errors import (
     rotation_angle,
     spread,
 )
+from .external import with_external_acceleration
 from .magnetometer import field_facts
 from .navigation import (
     exact_attitude,
@@ -87,7 +88,7 @@ class Replay:
 
 def replay(recording: Recording, config: Config, directory: str | os.PathLike, *, build: str | os.PathLike,
            command: Sequence[str], html: bool = False, bag: str | None = None,
-           rerun: bool = False, waves: tuple[float, float] | None = None,
+           rerun: bool = False, waves: tuple[float, float] | None = None, external: str | None = None,
            progress: Callable[[str, int, int], object] | None = None) -> Replay:
     """Run a recording through the main module of a configuration in Verilator, from reset, and write the results.
 
@@ -127,6 +128,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         Whether to write ``replay.rrd``. Needs rerun-sdk.
     waves : (float, float) or None
         Ends of the stretch of ``replay.vcd``, seconds on the clock of the recording.
+    external : str or None
+        "velocity": the core gets the change of the recording's velocity as its external acceleration.
     progress : callable or None
         ``progress(stage, done, total)``, called from time to time; stages are "build", "simulate", "compare".
 
@@ -147,6 +150,10 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
 
     progress("build", 0, 1)
     module, config = replayed_module(config), for_recording(config, recording)
+    facts: dict = {}
+    if external:
+        recording, facts = with_external_acceleration(recording, config)
+        config = for_recording(config, recording)
     inputs = port_inputs(recording, config)
     core = make_core(module, config)
     system = core.system
@@ -165,6 +172,8 @@ def replay(recording: Recording, config: Config, directory: str | os.PathLike, *
         progress("compare", 1, 2)
         bits = _status_bits(core.engine, result)
         summary = _summary(recording, config, core, count, bits, differing)
+        if facts:
+            summary["external_acceleration"] = facts
         if stretch is not None:
             summary["waves"] = {
                 "file": WAVES, "updates": [stretch.start + 1, stretch.stop], "clock_period_ns": 10,
@@ -322,8 +331,8 @@ def _command(command, module, config):
     """The words of a command line that makes the Verilog of a module again, quoted for a shell; empty for none."""
     if not command:
         return ""
-    inputs_set = (word for each in TIMED_INPUTS if getattr(config, each.field, False)
-                  for word in ("--set", f"{each.field}=true"))
+    fields = (*(each.field for each in TIMED_INPUTS), *REPLAYED)
+    inputs_set = (word for field in fields if getattr(config, field, False) for word in ("--set", f"{field}=true"))
     return shlex.join([*command, "--module", module, "--set", f"sample_rate_hz={config.sample_rate_hz!r}", *inputs_set])
 
 
@@ -396,14 +405,18 @@ class TimedInput(NamedTuple):
 
 
 TIMED_INPUTS = (TimedInput("period_input", "period", "period_s", "period_s"),
-                TimedInput("mag_valid_input", "mag_valid", "mag_new", "mag_valid"))
+                TimedInput("mag_valid_input", "mag_valid", "mag_new", "mag_valid"),
+                TimedInput("external_input", "external", "external", "external"))
+
+REPLAYED = ("stale_field",)
+"""Further fields that are true in a replay, unless the configuration says otherwise: rows often repeat a field."""
 
 
 def for_recording(config: Config, recording: Recording) -> Config:
-    """The configuration with the recording's rate, and with the inputs of TIMED_INPUTS unless it says otherwise."""
-    inputs = {each.field: True for each in TIMED_INPUTS
-              if each.field in type(config).model_fields and each.field not in config.model_fields_set
-              and getattr(recording, each.part) is not None}
+    """The configuration with the recording's rate, and with TIMED_INPUTS and REPLAYED unless it says otherwise."""
+    wanted = [each.field for each in TIMED_INPUTS if getattr(recording, each.part) is not None]
+    inputs = {field: True for field in (*wanted, *REPLAYED)
+              if field in type(config).model_fields and field not in config.model_fields_set}
     return config.replace(sample_rate_hz=recording.sample_rate_hz, **inputs)
 
 

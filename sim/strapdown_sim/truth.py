@@ -17,7 +17,8 @@ def complementary_filter(config):
 def flight_filter(config):
     """The reference of INS_flight for a FlightConfig."""
     return FlightFilter(period_s=config.period_s, frame=config.frame, axes=config.axes,
-                        magnetometer=config.magnetometer, **config.parameters._asdict())
+                        magnetometer=config.magnetometer, stale_field=config.stale_field,
+                        calibration=config.calibration._asdict(), **config.parameters._asdict())
 
 
 REFERENCES: dict[str, Callable] = {"INS_top": complementary_filter, "INS_flight": flight_filter}

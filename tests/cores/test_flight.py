@@ -15,7 +15,9 @@ SEED = 42
 UPDATES = 5000
 
 
-SEVERAL_INPUTS = FLIGHT.replace(period_input=True, mag_valid_input=True, frame="NED", inputs="magnetometer_gain")
+SEVERAL_INPUTS = FLIGHT.replace(
+    period_input=True, mag_valid_input=True, external_input=True, stale_field=True, frame="NED", bias_limit=0.4,
+    ramp_time=1, inputs="magnetometer_gain,gyro_bias,magnetometer_matrix", magnetic_declination=5)
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +44,19 @@ def test_configurations_go_by_their_names():
     ({"inputs": "ramp_time,gain"},
      "configuration flight: inputs must name parameters of the filter (gain is unknown), not 'ramp_time,gain'"),
     ({"acceleration_time": 0}, "configuration flight: acceleration_time must be greater than 0, not 0"),
+    ({"accelerometer_gain": 1}, "configuration flight: accelerometer_gain was removed: use acceleration_time, because "
+                                "the tilt is corrected in full"),
+    ({"bias_gain": 0.1}, "configuration flight: bias_gain was removed: use bias_noise"),
+    ({"inputs": "ramp_gain"}, "configuration flight: inputs must not name ramp_gain, which was removed: use "
+                              "heading_weighting, not 'ramp_gain'"),
+    ({"inputs": "bias_gain_after_rest"}, "configuration flight: inputs must not name bias_gain_after_rest, which was "
+                                         "removed: use bias_noise and bias_drift, not 'bias_gain_after_rest'"),
+    ({"gyro_bias": "1,2"}, "configuration flight: gyro_bias must be three numbers, as in 0,0,0.5, not '1,2'"),
+    ({"gyro_matrix": "1,0,0,0,1,0,1,1,0"}, "configuration flight: gyro_matrix must have an inverse, not "
+                                           "'1,0,0,0,1,0,1,1,0'"),
+    ({"gyro_matrix": "1,0,0"}, "configuration flight: gyro_matrix must be nine numbers, by rows, not '1,0,0'"),
+    ({"magnetic_declination": 200}, "configuration flight: magnetic_declination must be less than or equal to 180, not "
+                                    "200"),
     ({"gyro_axes": "+x,+y,+y"}, "configuration flight: gyro_axes must name each sensor axis once, with its sign, as in "
                                 "+y,-x,+z, not '+x,+y,+y'"),
 ])
@@ -60,38 +75,57 @@ def test_ports_are_those_of_ins_top_and_more(make_core):
 def test_ports_by_configuration():
     ports = set(ins_flight(FLIGHT).input_ports)
     assert set(ins_flight(FLIGHT_6AXIS).input_ports) == ports - names("in_mag{}", "x y z")
-    more = FLIGHT.replace(period_input="true", mag_valid_input="true", inputs="ramp_time,gyro_range")
-    assert set(ins_flight(more).input_ports) - ports == {"in_period", "in_mag_valid", "in_ramp_time", "in_gyro_range"}
+    more = FLIGHT.replace(period_input="true", mag_valid_input="true", external_input="true",
+                          inputs="ramp_time,gyro_bias,accelerometer_matrix")
+    assert set(ins_flight(more).input_ports) - ports == {
+        "in_period", "in_mag_valid", "in_ramp_time", *names("in_ext_{}", "x y z"), *names("in_gyro_bias{}", "x y z"),
+        *names("in_accelerometer_matrix{}", "11 12 13 21 22 23 31 32 33")}
 
 
 def test_status_bits(make_core):
     assert make_core("INS_flight", FLIGHT).engine.status_names == (
         "accelerometer_missing", "magnetometer_missing", "starting", "at_rest", "magnetometer_rejected",
-        "range_exceeded", "refused", "ignored", "restarted")
+        "range_exceeded", "bias_clipped", "magnetometer_stuck", "refused", "ignored", "restarted")
+    assert make_core("INS_flight", FLIGHT_6AXIS.replace(external_input=True)).engine.status_names == (
+        "accelerometer_missing", "starting", "at_rest", "range_exceeded", "bias_clipped", "external_used", "refused",
+        "ignored", "restarted")
 
 
-def test_an_update_takes_at_most_450_cycles(make_core):
-    assert make_core("INS_flight", FLIGHT).latency <= 450
+def test_an_update_takes_at_most_400_cycles(make_core):
+    assert make_core("INS_flight", FLIGHT).latency <= 400
+
+
+def test_calibration_of_sensors_without_errors_costs_nothing():
+    plain, same, other = (sum(ins_flight(config).trace(config.pool).count().values()) for config in (
+        FLIGHT, FLIGHT.replace(gyro_bias="0,0,0", gyro_matrix="1,0,0,0,1,0,0,0,1"), FLIGHT.replace(gyro_bias="0,0,1")))
+    assert plain == same == other - 1
 
 
 def strange_inputs(system, count):
     """Samples of a body at rest and in motion, and of all kinds of faults."""
     rng = np.random.default_rng(SEED)
-    still = np.arange(count) % 2000 < 1200
+    still = np.arange(count) % 2500 < 2000
     sensors = {}
     for name, rest in ("a", (0.0, 0.0, 9.8)), ("m", (20.0, 0.0, -40.0)), ("g", (0.0, 0.5, 0.0)):
-        moving = rng.standard_normal((count, 3)) * 10 ** rng.uniform(-2, 3, (count, 3))
+        moving = rng.standard_normal((count, 3)) * 10 ** rng.uniform(-2, 2, (count, 3))
         noise = np.where(rest, 0.0, 0.01 * rng.standard_normal((count, 3)))
         sensors[name] = np.where(still[:, None], rest + noise, moving)
-    sensors["a"][rng.random(count) < 0.01, 2] = 200.0
+    sensors["a"][(rng.random(count) < 0.01) & ~still, 2] = 200.0
+    # A bias of more than bias_limit at rest, and a field that is stuck in a turn.
+    sensors["g"][still] += 0.3
+    stuck = (np.arange(count) % 2500 > 1600) & still
+    sensors["m"][stuck], sensors["g"][stuck] = (20.0, 3.0, -40.0), (0.0, 0.0, 90.0)
+    external = np.where(rng.random((count, 1)) < 0.5, 0.0, rng.standard_normal((count, 3)))
     values = system.bind(
-        **sensors, mag_valid=rng.integers(0, 2, count).astype(float),
+        **sensors, external=external, gyro_bias=0.01 * rng.standard_normal((count, 3)),
+        magnetometer_matrix=np.eye(3) + 0.1 * rng.standard_normal((3, 3)),
+        mag_valid=rng.integers(0, 2, count).astype(float),
         period=np.where(still, 0.01, rng.choice([0.002, 0.0, -1.0, 5.0, 1e-30], count)),
         magnetometer_gain=np.abs(rng.standard_normal(count) * 10 ** rng.uniform(-2, 3, count)))
     strange = np.array([np.nan, np.inf, -np.inf, 3e38, -1e30, 1e-30, 1e-40, 0.0, -0.0])
     for port in values:
-        values[port] = np.where(rng.random(count) < 0.003, rng.choice(strange, count), values[port])
-    gone = rng.random(count) < 0.01
+        values[port] = np.where(rng.random(count) < 0.0005, rng.choice(strange, count), values[port])
+    gone = rng.random(count) < 0.003
     return values | {port: np.where(gone, 0.0, values[port]) for port in system.inputs["a"]}
 
 

@@ -39,17 +39,23 @@ def made_up():
     return {"packages": dict.fromkeys(accuracy.PACKAGES, "1.0"), "without_reference": ["four"], "recordings": rows}
 
 
-def test_means_are_by_number_of_axes():
+def test_means_are_by_number_of_axes_and_by_tuning(monkeypatch):
     first = next(iter(accuracy.FILTERS))
+    monkeypatch.setattr(accuracy, "TUNED_ON", {"two"})
     assert accuracy.means(made_up(), 9)[first]["total"] == 1.5
+    assert accuracy.means(made_up(), 9, tuned=True)[first]["total"] == 2.0
+    assert accuracy.means(made_up(), 9, tuned=False)[first]["total"] == 1.0
     assert accuracy.means(made_up(), 6)[first]["total"] == 3.0
+    assert accuracy.means(made_up(), 6, tuned=True) == {}
 
 
-def test_table_has_a_row_a_recording_and_its_best_in_bold():
+def test_table_has_a_row_a_recording_and_its_best_in_bold(monkeypatch):
+    monkeypatch.setattr(accuracy, "TUNED_ON", {"two"})
     lines = accuracy.figure_table(made_up(), "total").splitlines()
     assert [line.split("|")[1].strip() for line in lines[2:]] == [
-        "`one`", "`two`", "**mean, 9 axes**", "`three`", "**mean, 6 axes**"]
-    assert lines[2].split("|")[2].strip() == "**1.00**"
+        "`two` \\*", "**mean, 9 axes, tuned on \\***", "`one`", "**mean, 9 axes, others**", "`three`",
+        "**mean, 6 axes, others**"]
+    assert lines[4].split("|")[2].strip() == "**1.00**"
 
 
 def test_files(tmp_path):

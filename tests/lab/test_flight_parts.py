@@ -28,7 +28,7 @@ def test_figures_are_those_of_this_commits_equations(result):
 
 def test_another_equation_has_another_digest(monkeypatch):
     before = flight_parts.parts_digest()
-    monkeypatch.setattr(flight_parts, "FLIGHT", FLIGHT.replace(accelerometer_gain=0.51))
+    monkeypatch.setattr(flight_parts, "FLIGHT", FLIGHT.replace(magnetometer_gain=0.11))
     assert flight_parts.parts_digest() != before
 
 

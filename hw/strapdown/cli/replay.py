@@ -31,9 +31,11 @@ __all__ = ["replay"]
 @click.option("--waves", metavar="FROM:TO",
               help="Also write replay.vcd, a waveform of the updates between two times, in seconds as in the column t "
                    "of the results. GTKWave and Surfer open it.")
+@click.option("--external", type=click.Choice(["velocity"]),
+              help="Give INS_flight the change of the log's velocity as its external acceleration.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build/sim"),
               show_default=True, help="Folder that keeps the compiled simulation models.")
-def replay(recording, config_name, changes, output, choice, html, bag, rerun, waves, build):
+def replay(recording, config_name, changes, output, choice, html, bag, rerun, waves, external, build):
     """Replay RECORDING through a core in Verilator, sample by sample, from reset.
 
     RECORDING is a log of one of the formats of docs/recordings.md; 'strapdown inspect' shows what is in it. The core is
@@ -48,6 +50,8 @@ def replay(recording, config_name, changes, output, choice, html, bag, rerun, wa
     config, _, options = target_of(None, config_name, changes)
     if config.channels > 1 and waves:
         raise UserError("--waves shows one sensor: replay it with --set channels=1")
+    if config.channels > 1 and external:
+        raise UserError("--external is for one sensor: replay it with --set channels=1")
     stretch = None if waves is None else _stretch(waves)
     try:
         recordings = recordings_of(read_log(recording, **choice.reading), config.channels, **choice.merging)
@@ -55,13 +59,15 @@ def replay(recording, config_name, changes, output, choice, html, bag, rerun, wa
         raise UserError(str(error)) from None
     for note in recordings[0].notes:
         click.echo(f"strapdown: note: {note}", err=True)
+    asked = {"waves": stretch, "external": external}
+    single = {name: value for name, value in asked.items() if value}
     labels = {"build": "generate and compile", "simulate": "simulate, samples", "compare": "compare"}
     with progress_of_stages(labels) as progress:
         try:
             with writing(output, build):
                 result = replay_recordings(
                     recordings, config, output, build=build, html=html, bag=bag, rerun=rerun, progress=progress,
-                    command=("strapdown", "generate", *options), **({"waves": stretch} if stretch else {}))
+                    command=("strapdown", "generate", *options), **single)
         except (RecordingError, SimulatorMissingError, MissingExtraError, ConfigError) as error:
             raise UserError(str(error)) from None
     _print_summary(result.summary, output)

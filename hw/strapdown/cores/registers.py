@@ -34,10 +34,14 @@ INTERRUPTS = {
 STATUS = {
     "accelerometer_missing": "the accelerometer sample had no length, and was not used",
     "magnetometer_missing": "the magnetometer sample had no length, or was not valid, and was not used",
-    "starting": "the gains are still raised after the start",
+    "starting": "heading and vertical are found; the bias is not learnt in motion",
     "at_rest": "the body was at rest: the bias was learnt from the average of the gyro",
     "magnetometer_rejected": "there was a field, but its weight was zero",
-    "range_exceeded": "rate or specific force beyond the range, or a period outside 0 to 0.1 s",
+    "range_exceeded": "an axis of gyro or accelerometer at the end of its range, or the tilt recovers from it, or a "
+                      "period outside 0 to 0.1 s",
+    "bias_clipped": "the gyro's bias was limited to its largest magnitude",
+    "magnetometer_stuck": "the field does not turn in the body while the gyro does, and was not used",
+    "external_used": "the external acceleration was not zero, and was used",
     "aligning": "the coarse alignment runs",
     "navigating": "position, velocity and attitude are those of the navigator",
     "out_of_range": "an input or a state was outside the range of the equations",

@@ -31,6 +31,12 @@ from strapdown_sim.truth import flight_filter
 
 __all__ = ["FILTERS", "figure_table", "means", "measure", "write_accuracy"]
 
+TUNED_ON = frozenset({
+    "broad_02_undisturbed_slow_rotation_B", "broad_07_undisturbed_fast_rotation_B",
+    "broad_16_undisturbed_fast_translation_B", "broad_25_disturbed_tapping_B",
+    "broad_28_disturbed_stationary_magnet_A", "broad_34_disturbed_attached_magnet_3cm"})
+"""Recordings on which parameters of the flight filter were chosen. Figures from them stand beside those from others."""
+
 COLOURS = "#b8bcc4", "#8fc1ea", "#10243e", "#448855", "#e0a458", "#cc6633", "#9b6bb3"
 
 
@@ -124,14 +130,14 @@ def _scored(recording, name):
     return {figure: rms(getattr(errors, figure)) for figure in FIGURES}
 
 
-def measure(folder: str | os.PathLike, *, jobs: int = 2, scheduler: str | None = None,
+def measure(*folders: str | os.PathLike, jobs: int = 2, scheduler: str | None = None,
             progress: Callable[[int, int], object] | None = None) -> dict[str, Any]:
-    """Run every filter over every recording of a folder that has a reference orientation.
+    """Run every filter over every recording of some folders that has a reference orientation.
 
     Parameters
     ----------
-    folder : Path
-        Recordings, ``.npz``.
+    *folders : Path
+        Folders of recordings, ``.npz``.
     jobs, scheduler
         See ``strapdown_sim.jobs.workers``.
     progress : callable or None
@@ -147,7 +153,7 @@ def measure(folder: str | os.PathLike, *, jobs: int = 2, scheduler: str | None =
     Raises: RecordingError; ModuleNotFoundError without the packages; JobsError.
     """
     versions = {package: version(package) for package in PACKAGES}
-    paths = sorted(Path(folder).glob("*.npz"))
+    paths = [path for folder in folders for path in sorted(Path(folder).glob("*.npz"))]
     recordings = {path: read_recording(path) for path in paths}
     references = {path: recording.reference for path, recording in recordings.items()}
     scored = [path for path, reference in references.items() if reference is not None and reference.valid.any()]
@@ -163,21 +169,27 @@ def measure(folder: str | os.PathLike, *, jobs: int = 2, scheduler: str | None =
             "recordings": rows}
 
 
-def means(result, axes):
-    """Mean of each figure over the recordings with ``axes`` axes, by filter."""
-    rows = [row["filters"] for row in result["recordings"].values() if row["axes"] == axes]
+def means(result, axes, tuned=None):
+    """Mean of each figure over the recordings with ``axes`` axes, by filter: all, those of TUNED_ON, or the others."""
+    rows = [row["filters"] for stem, row in result["recordings"].items()
+            if row["axes"] == axes and tuned in (None, stem in TUNED_ON)]
     return {name: {figure: float(np.mean([row[name][figure] for row in rows])) for figure in FIGURES}
             for name in FILTERS} if rows else {}
 
 
 def figure_table(result, figure):
-    """One figure as a Markdown table: one row per recording, one column per filter, means below."""
+    """One figure as a Markdown table: one row per recording, one column per filter, means below.
+
+    Recordings of TUNED_ON come first, with a star.
+    """
     rows = []
     for axes in (9, 6):
-        rows += [_row(f"`{stem}`", [row["filters"][name][figure] for name in FILTERS])
-                 for stem, row in result["recordings"].items() if row["axes"] == axes]
-        if mean := means(result, axes):
-            rows.append(_row(f"**mean, {axes} axes**", [mean[name][figure] for name in FILTERS]))
+        for tuned, title in ((True, f"mean, {axes} axes, tuned on \\*"), (False, f"mean, {axes} axes, others")):
+            rows += [_row(f"`{stem}`" + " \\*" * tuned, [row["filters"][name][figure] for name in FILTERS])
+                     for stem, row in result["recordings"].items()
+                     if row["axes"] == axes and tuned == (stem in TUNED_ON)]
+            if mean := means(result, axes, tuned):
+                rows.append(_row(f"**{title}**", [mean[name][figure] for name in FILTERS]))
     return markdown_table(["recording", *(f"{name}:" for name in FILTERS)], rows)
 
 
@@ -197,7 +209,8 @@ def write_accuracy(result: dict[str, Any], directory: str | os.PathLike) -> Path
         f"thesis: Kp {THESIS.kp:g}, Ki {THESIS.ki:g}; plain: Kp {MAHONY.kp:g}, Ki {MAHONY.ki:g}. These two and those",
         "of ahrs start with the attitude of the first sample. Published filters have their default settings: "
         + ", ".join(f"{package} {number}" for package, number in result["packages"].items()) + ".",
-        "With 6 axes, a constant heading offset is not counted."]
+        "With 6 axes, a constant heading offset is not counted. Parameters of flight were chosen on the recordings",
+        "with a star."]
     if missing := result["without_reference"]:
         names = ", ".join(f"`{stem}`" for stem in missing)
         page += ["", f"Not scored, because they have no reference orientation: {names}."]

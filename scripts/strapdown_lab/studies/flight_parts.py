@@ -24,7 +24,7 @@ from strapdown_sim.recordings import read_recording
 __all__ = ["FIGURES", "PARTS", "measured", "parts_digest", "parts_table"]
 
 NEVER = 1e6
-"""A time in seconds that no recording reaches."""
+"""A time in seconds that no recording reaches, and a noise with which nothing is learnt."""
 
 PARTS = {
     "all": {},
@@ -32,11 +32,14 @@ PARTS = {
     "without trust (w = 1)": {"field_tolerance": 1e6},
     "with a reference that does not change while the field is rejected": {"field_recovery_time": NEVER},
     "without bias at rest": {"rest_time": NEVER},
-    "without bias in motion": {"bias_gain": 0.0, "bias_gain_after_rest": 0.0},
-    "without any bias": {"rest_time": NEVER, "bias_gain": 0.0, "bias_gain_after_rest": 0.0},
-    "without ramp": {"ramp_gain": 0.0},
-    "Kp 0.25": {"accelerometer_gain": 0.25}, "Kp 1": {"accelerometer_gain": 1.0},
-    "τ 1 s": {"acceleration_time": 1.0}, "τ 3 s": {"acceleration_time": 3.0},
+    "without bias in motion": {"bias_noise": NEVER},
+    "without any bias": {"rest_time": NEVER, "bias_noise": NEVER},
+    "τ 2 s": {"acceleration_time": 2.0}, "τ 4 s": {"acceleration_time": 4.0},
+    "W 1": {"bias_noise": 1.0}, "W 3.5": {"bias_noise": 3.5},
+    "P_0 1 deg/s": {"bias_deviation": 1.0}, "P_0 5 deg/s": {"bias_deviation": 5.0},
+    "ε 0.3": {"bias_learning": 0.3}, "ε 1": {"bias_learning": 1.0},
+    "t_r 3 s": {"ramp_time": 3.0}, "t_r 12 s": {"ramp_time": 12.0},
+    "k 1": {"heading_weighting": 1.0}, "k 6": {"heading_weighting": 6.0},
     "γ 0.12": {"field_tolerance": 0.12}, "γ 0.20": {"field_tolerance": 0.20},
     "Km 0.05": {"magnetometer_gain": 0.05}, "Km 0.2": {"magnetometer_gain": 0.2},
 }

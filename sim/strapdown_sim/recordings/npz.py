@@ -1,11 +1,15 @@
-"""NumPy archives: arrays ``t``, ``fs``, ``gyro`` (rad/s), ``accel`` (m/s^2), ``mag`` (uT), ``quat_ref``."""
+"""NumPy archives: arrays ``t``, ``fs``, ``gyro`` (rad/s), ``accel`` (m/s^2), ``mag`` (uT), ``quat_ref``, ``vel_ref``.
+
+``quat_ref`` has the times ``t``, or ``t_att``; ``vel_ref`` (m/s, east, north, up; NaN where it is not known) those of
+``t``, ``t_pos`` or ``t_ref``.
+"""
 
 import zipfile
 import zlib
 
 import numpy as np
 
-from .log import ACCEL, ATTITUDE, GYRO, MAG, Log, Stream
+from .log import ACCEL, ATTITUDE, GYRO, MAG, VELOCITY, Log, Stream
 from .recording import RecordingError
 
 __all__ = ["read_npz"]
@@ -48,4 +52,7 @@ def read_npz(path):
             quaternion[array("valid", len(clock)) == 0] = np.nan
         streams.append(Stream(ATTITUDE, "quat_ref", clock, quaternion, frame="ENU", heading_known=True,
                               meaning="recorded reference"))
+    if "vel_ref" in arrays:
+        clock = next((array(name, arrays[name].size) for name in ("t_pos", "t_ref") if name in arrays), time_s)
+        streams.append(Stream(VELOCITY, "vel_ref", clock, array("vel_ref", len(clock), 3), "m/s"))
     return Log(path, "NumPy archive", tuple(streams), rate_hz=rate, place=lambda row: f"array 't', index {row}")

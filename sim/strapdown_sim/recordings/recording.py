@@ -128,6 +128,8 @@ class Recording:
     notes : tuple of str
         What the user should know about the file, each in one line.
     position, velocity : Track or None
+    external : ndarray, shape (N, 3), or None
+        Acceleration that is known from elsewhere, m/s², in the navigation axes of the core that takes it.
     """
 
     name: str
@@ -144,6 +146,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     position: Track | None = None
     velocity: Track | None = None
+    external: np.ndarray | None = None
 
 
 def listing(names: list[str]) -> str:

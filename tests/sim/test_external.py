@@ -1,0 +1,90 @@
+"""External acceleration of a replay, from the velocity of a recording."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from strapdown.config import ConfigError
+from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MAHONY
+from strapdown_sim.external import LONGEST_GAP_S, with_external_acceleration
+from strapdown_sim.recordings import Recording, Reference, Track
+from strapdown_sim.reference.attitude import matrix_from_quaternion
+from strapdown_sim.reference.flight import FRAME_QUATERNIONS
+from strapdown_sim.replay import for_recording
+
+RATE_HZ, SECONDS = 50, 40.0
+RATE_RAD_S, SPEED = 0.5, 6.0
+
+
+def about_vertical(degrees):
+    half = np.radians(degrees) / 2
+    return np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+
+
+def circling(heading_deg, *, mag=True, known=True):
+    """A level body of constant heading whose velocity turns: its acceleration is SPEED·RATE_RAD_S to the left of it."""
+    time_s = np.arange(0, SECONDS, 1 / RATE_HZ)
+    count = len(time_s)
+    fixes = np.arange(0, SECONDS, 0.1)
+    east, north = SPEED * np.cos(RATE_RAD_S * fixes), SPEED * np.sin(RATE_RAD_S * fixes)
+    velocity = Track(fixes, np.stack([east, north, 0 * fixes], axis=1))
+    force = np.add(acceleration(time_s), (0, 0, 9.80665))
+    c = matrix_from_quaternion(about_vertical(heading_deg))
+    truth = Reference(time_s, np.tile(about_vertical(heading_deg), (count, 1)), np.ones(count, dtype=bool), "NWU",
+                      heading_known=known)
+    return Recording("circling", RATE_HZ, time_s, np.zeros((count, 3)), force @ c.T,
+                     np.tile(c @ (20.0, 0, -40.0), (count, 1)) if mag else None, accel_unit="m/s^2", reference=truth,
+                     velocity=velocity)
+
+
+def acceleration(time_s):
+    """Acceleration of ``circling`` in NWU."""
+    east, north = -np.sin(RATE_RAD_S * time_s), np.cos(RATE_RAD_S * time_s)
+    return SPEED * RATE_RAD_S * np.stack([north, -east, 0 * time_s], axis=1)
+
+
+INSIDE = slice(RATE_HZ, -RATE_HZ)
+
+
+@pytest.mark.parametrize("frame", FRAME_QUATERNIONS)
+def test_the_change_of_the_velocity_in_the_frame_of_the_filter(frame):
+    recording = circling(0)
+    config = for_recording(FLIGHT.replace(frame=frame), recording)
+    found, facts = with_external_acceleration(recording, config)
+    expected = acceleration(recording.time_s) @ matrix_from_quaternion(FRAME_QUATERNIONS[frame])
+    # A chord in place of an arc of 0.05 rad, and a straight line between chords: 1 - cos(0.025) each.
+    assert np.abs(found.external - expected)[INSIDE].max() < 3 * SPEED * RATE_RAD_S * 0.025**2
+    assert facts == {"from": "velocity", "turned_deg": 0.0}
+    assert for_recording(config, found).external_input
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_without_magnetometer_the_velocity_turns_to_the_filters_north(known):
+    """The filter starts with x to the north: from the reference, or from the accelerations, it is found 70° off."""
+    recording = circling(70, mag=False, known=known)
+    _, facts = with_external_acceleration(recording, for_recording(FLIGHT_6AXIS, recording))
+    # The filter's vertical oscillates by a part of the acceleration, which turns its accelerations by a degree or two.
+    assert facts["turned_deg"] == pytest.approx(-70, abs=1 if known else 3)
+
+
+def test_gaps_of_the_velocity_are_no_acceleration():
+    recording = circling(0)
+    kept = (recording.velocity.time_s < 10) | (recording.velocity.time_s > 20)
+    track = Track(recording.velocity.time_s[kept], recording.velocity.values[kept])
+    found, _ = with_external_acceleration(replace(recording, velocity=track), for_recording(FLIGHT, recording))
+    silent = (recording.time_s > 10 + LONGEST_GAP_S) & (recording.time_s < 20 - LONGEST_GAP_S)
+    assert not found.external[silent].any()
+    assert np.linalg.norm(found.external[recording.time_s < 9], axis=1).min() > 0.9 * SPEED * RATE_RAD_S
+
+
+@pytest.mark.parametrize(("config", "change", "message"), [
+    (FLIGHT, {"velocity": None}, "circling has no velocity for an external acceleration: leave out --external, or "
+                                 "replay a log with GNSS"),
+    (MAHONY, {}, "INS_top takes no external acceleration: replay it with a configuration of INS_flight"),
+    (FLIGHT.replace(external_input=False), {}, "configuration flight: external_input must be true for an external "
+                                               "acceleration")])
+def test_errors_are_one_line(config, change, message):
+    with pytest.raises(ConfigError) as error:
+        with_external_acceleration(replace(circling(0), **change), config)
+    assert str(error.value) == message
