@@ -11,6 +11,7 @@ from typing import Any
 from strapdown.config import Config
 from strapdown.cores import Top, Wrapper, control_of
 from strapdown.kernel.program import UpdateProgram
+from strapdown.kernel.system import leaves
 from strapdown.markdown import markdown_table
 
 from .page import register_tables
@@ -103,7 +104,7 @@ def _configuration(config):
     """A table of all fields, with their meanings where they have one."""
     fields = type(config).model_fields
     return markdown_table(["field", "value", "meaning"], [
-        [f"`{name}`", ", ".join(value) if isinstance(value, tuple) else value,
+        [f"`{name}`", ", ".join(map(str, leaves(value))) if isinstance(value, tuple) else value,
          (fields[name].description if name in fields else None) or "–"]
         for name, value in config.values.items() if name not in ("name", "description")])
 
