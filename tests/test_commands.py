@@ -39,7 +39,9 @@ from strapdown_sim.drivers.optical import ANGLES
 from strapdown_sim.drivers.pins import Line, PinInterface, PinRun
 from strapdown_sim.drivers.storage import REGISTER, Storage
 from strapdown_sim.instrument.calibration import SET_B
+from strapdown_sim.recordings import STANDARD_GRAVITY
 from strapdown_sim.reference.optical import pixels_of_angles
+from strapdown_sim.stimuli.turns import TURNS, turned_by_hand
 
 from .twin import TwinModel
 
@@ -161,6 +163,15 @@ def calibration(words, place):
                                                   encoding="utf-8")
     place.invoke(main, words[1:])
     assert (place.folder / "build" / "calibration" / "calibration.json").exists()
+
+
+def sensors(words, place):
+    """A sensor that a hand turns."""
+    recording = turned_by_hand(TURNS, rate_hz=20)
+    rows = np.column_stack([recording.time_s, recording.gyro_deg_s, recording.accel / STANDARD_GRAVITY, recording.mag])
+    np.savetxt(place.folder / "turns.csv", rows, delimiter=",", header=FLIGHT, comments="")
+    assert "--set magnetometer_bias=" in place.invoke(main, words[1:])
+    assert (place.folder / "build" / "calibration" / "set.txt").exists()
 
 
 def optical(words, place):
@@ -387,7 +398,7 @@ OWN = {"demo", "verilog", "ip", "report", "families", "compare", "formal", "exha
 RULES = {
     r"make help": lambda words, place: subprocess.run(words, cwd=ROOT, check=True, capture_output=True),
     r"make \w+.*": make,
-    r"strapdown(?: \w+)?": named,
+    r"strapdown(?: calibrate)?(?: \w+)?": named,
     r"strapdown monitor /dev/ttyUSB0 .*": serial,
     r"strapdown monitor .*": strapdown,
     r"strapdown explore .*": pools,
@@ -398,7 +409,8 @@ RULES = {
     r"strapdown (?:generate|replay|inspect|explain|schedule|design|link|operators|ip) .*": strapdown,
     r"strapdown batch .*": batch,
     r"dask .*": cluster,
-    r"strapdown calibrate .*": calibration,
+    r"strapdown calibrate sensors .*": sensors,
+    r"strapdown calibrate optical .*": calibration,
     r"strapdown optical(?: .*)?": optical,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
     r"python -m strapdown_lab\.faults": lambda words, place: place.invoke(flips, ["--help"]),

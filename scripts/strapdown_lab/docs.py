@@ -49,6 +49,8 @@ from .report.sensors import sensor_blocks, write_waves
 from .report.tables import anchor_table, bus_table, core_table, flow_lines, microseconds, operator_tables
 from .studies.accuracy import figure_table, means
 from .studies.airliner import airliner_table
+from .studies.calibration import errors_table, fields_table
+from .studies.calibration import picture as calibration_picture
 from .studies.flight_cases import cases_table
 from .studies.flight_parts import parts_table
 from .studies.optical import flights_table, geometry_lines, positions_table
@@ -268,6 +270,11 @@ def cases_block():
     return cases_table(json.loads((ROOT / "docs" / "report" / "flight_cases.json").read_text(encoding="utf-8")))
 
 
+def calibration_blocks():
+    """Tables of docs/calibration.md, by the name of their block."""
+    return {"calibration errors": errors_table(), "calibration fields": fields_table()}
+
+
 def parts_block():
     """Table of the parts of the flight filter."""
     return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
@@ -298,6 +305,8 @@ def main():
     write_blocks(ROOT / "docs" / "operators.md", {"vendor operators": vendor_block()})
     write_blocks(ROOT / "docs" / "sensors.md", sensor_blocks())
     list(write_waves(ROOT / "docs" / "sensors"))
+    write_blocks(ROOT / "docs" / "calibration.md", calibration_blocks())
+    calibration_picture(ROOT / "docs" / "calibration.png")
     write_blocks(ROOT / "docs" / "optical.md", optical_module_blocks())
     draw_optical(ROOT / "docs" / "optical.svg")
     shutil.copyfile(ROOT / "build" / "demo" / "attitude.png", ROOT / "docs" / "attitude.png")

@@ -172,7 +172,7 @@ def fit_gyro(recording: Recording) -> BiasFit:
 
 
 def at_rest(recording: Recording) -> np.ndarray:
-    """Which samples of a recording are at rest, bool, shape (N,).
+    """Which samples of a recording are at rest, bool, shape (N,), as the flight filter defines it (docs/flight.md).
 
     The mean squares of the deviations of rate and specific force from their running means have been small for
     ``rest_time``. Values are those of the configuration ``flight``; one usual period stands for those of the samples.

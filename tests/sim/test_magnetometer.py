@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from click.testing import CliRunner
 
 from strapdown.cli import main
 from strapdown.cores import THESIS
-from strapdown_sim.magnetometer import CELLS, directions, field_facts, field_rows, harmonics, vertical
+from strapdown_sim.magnetometer import CELLS, FieldFacts, directions, field_facts, field_rows, harmonics, vertical
 from strapdown_sim.recordings import read_recording
 from strapdown_sim.reference.attitude import axis_matrix, matrix_from_quaternion
 from strapdown_sim.sensors import in_body
@@ -133,14 +134,14 @@ def test_rows():
 
 
 def test_commands_tell(tmp_path, monkeypatch):
-    """A core without magnetometer says nothing."""
+    """Both name the command that calibrates, for a shell; a core without magnetometer says nothing."""
     monkeypatch.setattr("strapdown_sim.replay.CoreModel", TwinModel)
     monkeypatch.setattr("strapdown.export.verilog.to_verilog", lambda component, name, **options: "")
     turning = with_error(turned_by_hand([Turn(Z, 400)], rate_hz=10), "magnetometer", (6, -4, 9))
     path = tmp_path / "a turn.npz"
     np.savez(path, t=turning.time_s, fs=10.0, gyro=np.radians(turning.gyro_deg_s), accel=turning.accel, mag=turning.mag)
     row = re.compile(r"^magnetometer not calibrated +field strength varies by .* with attitude, headings err by about "
-                     r".*°: calibrate it$", re.MULTILINE)
+                     rf".*°: strapdown calibrate sensors {re.escape(shlex.quote(str(path)))}$", re.MULTILINE)
     assert row.search(run("inspect", path, "--picture", tmp_path / "a.png"))
     assert row.search(run("replay", path, "--config", "mahony", "--output", tmp_path / "out"))
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
@@ -168,10 +169,14 @@ def test_a_disturbed_place_is_no_calibration():
     facts = field_facts(replace(CLEAN, mag=CLEAN.mag * place[:, None]))
     assert facts.strength_share < 0.3
     assert not facts.strength_varies
-    # The same deviation in the vertical plane changes the dip.
-    up = matrix_from_quaternion(CLEAN.reference.quaternion)[:, :, 2]
-    facts = field_facts(replace(CLEAN, mag=CLEAN.mag + 15 * (place - 1)[:, None] * 8 * up))
-    assert not facts.dip_varies
+
+
+@pytest.mark.parametrize(("strength", "share", "dip_deg", "dip_share", "told"), [
+    (0.01, 0.3, 8.0, 0.9, True), (0.01, 0.3, 4.0, 0.9, False), (0.01, 0.3, 8.0, 0.4, False),
+    # The whole strength varies by 9 %: the place changes the dip too.
+    (0.03, 0.11, 8.0, 0.9, False)])
+def test_dip_tells_only_where_the_strength_is_steady(strength, share, dip_deg, dip_share, told):
+    assert FieldFacts(48.0, 65.0, 80, strength, share, dip_deg, dip_share).dip_varies == told
 
 
 def test_recordings_without_a_statement():

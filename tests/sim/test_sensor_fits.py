@@ -5,17 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from strapdown.cores import FLIGHT_6AXIS
 from strapdown_sim.magnetometer import directions
 from strapdown_sim.recordings import STANDARD_GRAVITY, read_recording
 from strapdown_sim.sensor_fits import (
     NO_ELLIPSOID,
     FitError,
+    at_rest,
     fit_accelerometer,
     fit_ellipsoid,
     fit_gyro,
     fit_magnetometer,
 )
 from strapdown_sim.stimuli.turns import EDGES, SIDES, STRENGTH_UT, TURNS, Turn, X, Y, Z, turned_by_hand, with_error
+from strapdown_sim.truth import flight_filter
 
 pytest.importorskip("scipy", reason="scipy is not installed, so nothing can be fitted.")
 
@@ -123,6 +126,17 @@ def test_spikes_are_left_out():
 def test_hard_iron_larger_than_the_field(offset):
     fit = fit_magnetometer(with_error(turned_by_hand(TURNS), "magnetometer", offset, SOFT))
     np.testing.assert_allclose(fit.bias, offset, atol=0.1)
+
+
+@pytest.mark.parametrize("bias", [(0, 0, 0), (0.7, -1.0, 0.5)])
+def test_rests_are_those_of_the_flight_filter(bias):
+    """The definition is the same; the filter knows the gravity of its attitude, and differs where a rest begins."""
+    recording = with_error(turned_by_hand(SIDES, rate_hz=50), "gyro", bias)
+    config = FLIGHT_6AXIS.replace(sample_rate_hz=50)
+    status = flight_filter(config).run(recording.accel, None, recording.gyro_deg_s).status
+    found = at_rest(recording)
+    assert found.sum() > 200
+    assert np.mean(found != status["at_rest"]) < 0.01
 
 
 MISSING = "of 150 directions, which do not tell its errors: the sensor was turned by"

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from .common import UserError, writing
+from .common import UserError, show_table, writing
+from .logs import log_options
 
 __all__ = ["calibrate"]
 
@@ -47,6 +48,84 @@ def calibrate_optical(table, rest, held, output):
         click.echo(f"{ccd}: largest error {errors['largest_deg']:.4f}°, rms {errors['rms_deg']:.4f}°, "
                    f"{errors['rms_px']:.3f} px")
     click.echo(str(output))
+
+
+@calibrate.command("sensors")
+@click.argument("recording", type=click.Path(exists=True, path_type=Path))
+@log_options
+@click.option("--output", type=click.Path(file_okay=False, path_type=Path), default=Path("build/calibration"),
+              show_default=True, help="Folder for calibration.json, set.txt and calibration.png.")
+def calibrate_sensors(recording, choice, output):
+    """Fit the errors of magnetometer, gyro and accelerometer to RECORDING.
+
+    \b
+    magnetometer   hard iron (bias) and soft iron (matrix), from a sensor that is
+                   turned by full turns about each of its axes, far from iron
+    gyro           bias, from a rest of 10 s
+    accelerometer  bias and scales from rests of 6 s on six sides, a full
+                   matrix with rests on three edges too
+
+    RECORDING is a log of one of the formats of docs/recordings.md; one recording can have all of this. A sensor whose
+    errors it does not tell is left out, with the reason. Results are fields of a configuration, in axes of the sensor:
+    corrected sample = matrix (sample - bias). They are printed with their standard deviations, and as the options
+    --set of 'strapdown generate' and 'strapdown replay', which set.txt has too. See docs/calibration.md.
+    """
+    from strapdown_sim.extras import MissingExtraError
+    from strapdown_sim.recordings import RecordingError, read_log, recording_of
+    from strapdown_sim.sensor_calibration import calibrate_sensors as run
+    from strapdown_sim.sensor_calibration import write_sensor_calibration
+    from strapdown_sim.sensor_fits import FitError
+
+    try:
+        log = read_log(recording, **choice.reading)
+        data = recording_of(log, **choice.merging)
+        field = log.chosen("mag", choice.merging.get("mag"), "--mag")
+        calibration = run(data, "a.u." if field is not None and field.unit == "a.u." else "µT")
+    except (RecordingError, MissingExtraError) as error:
+        raise UserError(str(error)) from None
+    except FitError as error:
+        raise UserError(f"{recording}: {error}") from None
+    for note in (*data.notes, *calibration.notes):
+        click.echo(f"strapdown: note: {note}", err=True)
+    with writing(output):
+        write_sensor_calibration(calibration, output)
+    show_table([*_field_rows(calibration), *_strength_rows(calibration), ("written to", str(output))])
+    click.echo("")
+    click.echo(calibration.options())
+
+
+def _field_rows(calibration):
+    """Fitted fields with their standard deviations."""
+    units = {"magnetometer": calibration.field_unit, "gyro": "deg/s", "accelerometer": "m/s²"}
+    rows = []
+    for sensor, own in calibration.fields.items():
+        rows.append((f"{sensor}_bias", f"{_numbers(own.bias)} {units[sensor]}{_deviation(own.bias_deviation)}"))
+        if own.matrix is not None:
+            deviations = [None] * 3 if own.matrix_deviation is None else own.matrix_deviation
+            names = f"{sensor}_matrix", "", ""
+            rows += [(name, _numbers(row) + _deviation(deviation)) for name, row, deviation in zip(
+                names, own.matrix, deviations, strict=True)]
+    return rows
+
+
+def _numbers(values):
+    return " ".join(f"{value:9.4f}" for value in values)
+
+
+def _deviation(values):
+    return "" if values is None else " ±" + " ".join(f"{value:7.4f}" for value in values)
+
+
+def _strength_rows(calibration):
+    """What the calibration changed of the field."""
+    if calibration.magnetometer is None or calibration.before is None or calibration.after is None:
+        return []
+    rows = []
+    for name, facts in (("field before", calibration.before), ("field after", calibration.after)):
+        varied = f"{100 * facts.strength_variation:.2f} % with attitude"
+        rows.append((name, f"{facts.strength:.4g} {calibration.field_unit}, dip {facts.dip_deg:.1f}°; varies by "
+                     f"{varied}, headings err by about {facts.heading_error_deg:.1f}°"))
+    return rows
 
 
 def _held(changes):

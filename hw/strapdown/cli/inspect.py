@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .common import UserError, show_table, writing
+from .common import UserError, command_line, show_table, writing
 from .logs import log_options
 
 __all__ = ["inspect"]
@@ -38,7 +38,7 @@ def inspect(recording, choice, picture):
         click.echo("")
         show_table(_stream_rows(stream, facts))
     click.echo("")
-    show_table(_replay_rows(used))
+    show_table(_replay_rows(used, recording))
     for note in (used or log).notes:
         click.echo(f"strapdown: note: {note}", err=True)
     picture = picture or Path("build/inspect") / f"{log.name}.png"
@@ -74,8 +74,8 @@ def _stream_rows(stream, facts):
     return rows
 
 
-def _replay_rows(used):
-    """What a replay would use."""
+def _replay_rows(used, recording):
+    """What a replay would use of the file ``recording``."""
     from strapdown_sim.magnetometer import field_facts, field_rows
 
     if used is None:
@@ -87,4 +87,4 @@ def _replay_rows(used):
     if used.timing is not None:
         rows += [(f"  {name}", f"{count:,}") for name, count in used.timing.faults.items()]
         rows.append(("  with one rate", f"angles can be off by {used.timing.one_rate_error_deg:.2g}°"))
-    return [*rows, *field_rows(field_facts(used), "calibrate it")]
+    return [*rows, *field_rows(field_facts(used), command_line("calibrate", "sensors", recording))]

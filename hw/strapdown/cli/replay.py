@@ -6,7 +6,7 @@ import click
 
 from strapdown.config import ConfigError
 
-from .common import UserError, config_options, show_table, target_of, writing
+from .common import UserError, command_line, config_options, show_table, target_of, writing
 from .logs import log_options
 from .progress import progress_of_stages
 
@@ -70,7 +70,7 @@ def replay(recording, config_name, changes, output, choice, html, bag, rerun, wa
                     command=("strapdown", "generate", *options), **single)
         except (RecordingError, SimulatorMissingError, MissingExtraError, ConfigError) as error:
             raise UserError(str(error)) from None
-    _print_summary(result.summary, output)
+    _print_summary(result.summary, recording, output)
     if line := refusal(result.summary):
         raise UserError(line)
 
@@ -84,8 +84,8 @@ def _stretch(text):
     return first, last
 
 
-def _print_summary(summary, output):
-    """The short table at the end of a replay."""
+def _print_summary(summary, recording, output):
+    """The short table at the end of a replay of the file ``recording``."""
     from strapdown_sim.magnetometer import FieldFacts, field_rows
 
     rows = [("recording", f"{summary['recording']}, {summary['sample_rate_hz']:g} Hz"),
@@ -119,7 +119,7 @@ def _print_summary(summary, output):
     if start := summary.get("start"):
         rows.append(("start", start))
     if facts := summary.get("field"):
-        rows += field_rows(FieldFacts(**facts), "calibrate it")
+        rows += field_rows(FieldFacts(**facts), command_line("calibrate", "sensors", recording))
     if waves := summary.get("waves"):
         first, last = waves["updates"]
         rows += [("waveform", f"updates {first:,} to {last:,}, t = {waves['from_s']:.6f} to {waves['to_s']:.6f} s, "
