@@ -192,6 +192,11 @@ def optical(words, place):
     assert (place.folder / "build" / "optical" / "summary.json").exists()
 
 
+def external(words, place):
+    """The option is known; tests/sim/test_external.py has logs with a velocity."""
+    assert "--external" in place.invoke(main, ["replay", "--help"])
+
+
 def with_names(words, place):
     """Words in capitals are placeholders for names."""
     names = {"DIR": "folder", "NAME": "mahony", "RECORDING": "flight.csv"}
@@ -406,6 +411,7 @@ RULES = {
     r"strapdown report .*": report,
     r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*|inspect RECORDING)": with_names,
+    r"strapdown replay .* --external .*": external,
     r"strapdown (?:generate|replay|inspect|explain|schedule|design|link|operators|ip) .*": strapdown,
     r"strapdown batch .*": batch,
     r"dask .*": cluster,
