@@ -52,6 +52,7 @@ from .studies.airliner import airliner_table
 from .studies.calibration import errors_table, fields_table
 from .studies.calibration import picture as calibration_picture
 from .studies.flight_cases import cases_table
+from .studies.flight_options import options_table
 from .studies.flight_parts import parts_table
 from .studies.optical import flights_table, geometry_lines, positions_table
 from .studies.optical_pins import pins_table, rules_table
@@ -275,6 +276,11 @@ def calibration_blocks():
     return {"calibration errors": errors_table(), "calibration fields": fields_table()}
 
 
+def options_block():
+    """Table of the price of each option of the flight core."""
+    return options_table(json.loads((ROOT / "docs" / "report" / "flight_options.json").read_text(encoding="utf-8")))
+
+
 def parts_block():
     """Table of the parts of the flight filter."""
     return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
@@ -333,6 +339,8 @@ def main():
         write_blocks(ROOT / "docs" / "optical.md", optical_pin_blocks())
     if (figures / "flight_parts.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"parts": parts_block()})
+    if (figures / "flight_options.json").exists():
+        write_blocks(ROOT / "docs" / "flight.md", {"options": options_block()})
     if (figures / "flight_cases.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"cases": cases_block()})
 

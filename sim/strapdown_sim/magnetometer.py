@@ -107,12 +107,13 @@ class FieldFacts(NamedTuple):
 
 
 def directions(vectors: np.ndarray) -> Directions:
-    """Directions of vectors that are not zero, shape (N, 3)."""
-    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    """Directions of vectors, shape (N, 3). A vector of zero has no direction; it counts to the cell of +x."""
+    unit = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
     axis = np.abs(unit).argmax(axis=1)
     row = np.arange(len(unit))
     along = unit[row, axis]
     cell = 2 * axis + (along < 0)
+    along = np.where(along == 0, 1, along)
     for step in 1, 2:
         # Equal angles from the middle of the face; its edges are at ±45 degrees.
         place = np.arctan(unit[row, (axis + step) % 3] / along) / (np.pi / 2) + 0.5

@@ -85,6 +85,11 @@ class SensorCalibration:
     def notes(self) -> list[str]:
         """What the user should know about the fits, each in one line."""
         lines = [f"{name}: {reason}" for name, reason in self.refused.items()]
+        if self.magnetometer is not None and self.after is not None and self.after.strength_varies:
+            lines.append("magnetometer: after the calibration its field strength still varies by "
+                         f"{100 * self.after.strength_variation:.2g} % with attitude, headings err by about "
+                         f"{self.after.heading_error_deg:.2g}°: choose a part of the recording with --from and --to, "
+                         "or record far from iron and magnets")
         if self.magnetometer is not None and self.after is not None and self.after.dip_varies:
             lines.append("magnetometer: after the calibration its dip still varies by "
                          f"{self.after.dip_variation_deg:.2g}° with attitude: are its axes those of the accelerometer?")

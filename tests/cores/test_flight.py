@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from strapdown.cli import main
 from strapdown.config import ConfigError
 from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MODULES, THESIS, ins_flight
 from strapdown.export import write_core
@@ -44,13 +46,6 @@ def test_configurations_go_by_their_names():
     ({"inputs": "ramp_time,gain"},
      "configuration flight: inputs must name parameters of the filter (gain is unknown), not 'ramp_time,gain'"),
     ({"acceleration_time": 0}, "configuration flight: acceleration_time must be greater than 0, not 0"),
-    ({"accelerometer_gain": 1}, "configuration flight: accelerometer_gain was removed: use acceleration_time, because "
-                                "the tilt is corrected in full"),
-    ({"bias_gain": 0.1}, "configuration flight: bias_gain was removed: use bias_noise"),
-    ({"inputs": "ramp_gain"}, "configuration flight: inputs must not name ramp_gain, which was removed: use "
-                              "heading_weighting, not 'ramp_gain'"),
-    ({"inputs": "bias_gain_after_rest"}, "configuration flight: inputs must not name bias_gain_after_rest, which was "
-                                         "removed: use bias_noise and bias_drift, not 'bias_gain_after_rest'"),
     ({"gyro_bias": "1,2"}, "configuration flight: gyro_bias must be three numbers, as in 0,0,0.5, not '1,2'"),
     ({"gyro_matrix": "1,0,0,0,1,0,1,1,0"}, "configuration flight: gyro_matrix must have an inverse, not "
                                            "'1,0,0,0,1,0,1,1,0'"),
@@ -64,6 +59,19 @@ def test_errors_are_one_line(change, message):
     with pytest.raises(ConfigError) as error:
         FLIGHT.replace(**change)
     assert str(error.value) == message
+
+
+@pytest.mark.parametrize(("name", "successor"), [
+    ("accelerometer_gain", "acceleration_time, because the tilt is corrected in full"), ("bias_gain", "bias_noise"),
+    ("bias_gain_after_rest", "bias_noise and bias_drift"), ("ramp_gain", "heading_weighting")])
+@pytest.mark.parametrize("config", ["flight", "flight_6axis"])
+def test_a_removed_name_is_refused_with_its_successor(tmp_path, config, name, successor):
+    for change, message in (
+            (f"{name}=1", f"{name} was removed: use {successor}"),
+            (f"inputs=ramp_time,{name}", f"inputs must not name {name}, which was removed: use {successor}, not "
+                                         f"'ramp_time,{name}'")):
+        result = CliRunner().invoke(main, ["generate", "--config", config, "--set", change, "--output", str(tmp_path)])
+        assert (result.exit_code, result.stderr) == (2, f"strapdown: configuration {config}: {message}\n")
 
 
 def test_ports_are_those_of_ins_top_and_more(make_core):

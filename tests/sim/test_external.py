@@ -1,17 +1,23 @@
 """External acceleration of a replay, from the velocity of a recording."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from strapdown.cli import main
 from strapdown.config import ConfigError
 from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MAHONY
+from strapdown_sim.errors import multiply
 from strapdown_sim.external import LONGEST_GAP_S, with_external_acceleration
-from strapdown_sim.recordings import Recording, Reference, Track
+from strapdown_sim.recordings import Recording, Reference, Track, read_recording
 from strapdown_sim.reference.attitude import matrix_from_quaternion
 from strapdown_sim.reference.flight import FRAME_QUATERNIONS
 from strapdown_sim.replay import for_recording
+
+from ..twin import TwinModel
 
 RATE_HZ, SECONDS = 50, 40.0
 RATE_RAD_S, SPEED = 0.5, 6.0
@@ -88,3 +94,52 @@ def test_errors_are_one_line(config, change, message):
     with pytest.raises(ConfigError) as error:
         with_external_acceleration(replace(circling(0), **change), config)
     assert str(error.value) == message
+
+
+NWU_TO_ENU = np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    """An archive of NumPy with the velocity of ``circling``, which is known in every fifth sample."""
+    recording, path = circling(0), tmp_path_factory.mktemp("external") / "circling.npz"
+    velocity = np.full((len(recording.time_s), 3), np.nan)
+    velocity[::5] = recording.velocity.values
+    np.savez(path, t=recording.time_s, fs=RATE_HZ, gyro=np.radians(recording.gyro_deg_s), accel=recording.accel,
+             mag=recording.mag, quat_ref=multiply(NWU_TO_ENU, recording.reference.quaternion), vel_ref=velocity)
+    return path
+
+
+def test_an_archive_with_velocity_is_a_source(archive):
+    """Samples without a velocity are no velocities: the result is that of the track."""
+    found, told = (with_external_acceleration(recording, for_recording(FLIGHT, recording))
+                   for recording in (read_recording(archive), circling(0)))
+    assert found[1] == told[1]
+    np.testing.assert_allclose(found[0].external, told[0].external, atol=1e-9)
+
+
+def replay(path, *options):
+    return CliRunner().invoke(main, ["replay", str(path), "--config", "flight", *map(str, options)])
+
+
+def test_the_command_gives_it_to_the_core(archive, tmp_path, monkeypatch):
+    """The vertical of a body whose velocity turns: an acceleration of 3 m/s² tilts the filter that does not know it."""
+    monkeypatch.setattr("strapdown_sim.replay.CoreModel", TwinModel)
+    monkeypatch.setattr("strapdown.export.verilog.to_verilog", lambda component, name, **options: "")
+    errors = {}
+    for name, options in (("known", ("--external", "velocity")), ("unknown", ())):
+        result = replay(archive, *options, "--output", tmp_path / name)
+        assert result.exit_code == 0, result.output
+        assert ("updates with status: external used" in result.output) == (name == "known")
+        summary = json.loads((tmp_path / name / "summary.json").read_text(encoding="utf-8"))
+        assert ("external_acceleration" in summary) == (name == "known")
+        errors[name] = summary["against_recorded_reference_deg"]["inclination_rms"]
+    assert errors["known"] < 0.3
+    assert errors["unknown"] > 1
+
+
+def test_the_command_has_one_velocity_for_one_sensor(archive, tmp_path):
+    result = replay(archive, "--set", "channels=2", "--external", "velocity", "--output", tmp_path / "out")
+    assert (result.exit_code, result.stderr) == (
+        2, "strapdown: --external is for one sensor: replay it with --set channels=1\n")
+    assert not (tmp_path / "out").exists()

@@ -66,9 +66,10 @@ def calibrate_sensors(recording, choice, output):
                    matrix with rests on three edges too
 
     RECORDING is a log of one of the formats of docs/recordings.md; one recording can have all of this. A sensor whose
-    errors it does not tell is left out, with the reason. Results are fields of a configuration, in axes of the sensor:
-    corrected sample = matrix (sample - bias). They are printed with their standard deviations, and as the options
-    --set of 'strapdown generate' and 'strapdown replay', which set.txt has too. See docs/calibration.md.
+    errors it does not tell is left out, with the reason. Results are fields of the configurations flight and
+    flight_6axis, in axes of the sensor: corrected sample = matrix (sample - bias). They are printed with their standard
+    deviations, and as options --set for 'strapdown replay', 'generate' and 'ip', which set.txt has too. See
+    docs/calibration.md.
     """
     from strapdown_sim.extras import MissingExtraError
     from strapdown_sim.recordings import RecordingError, read_log, recording_of
@@ -99,21 +100,21 @@ def _field_rows(calibration):
     units = {"magnetometer": calibration.field_unit, "gyro": "deg/s", "accelerometer": "m/s²"}
     rows = []
     for sensor, own in calibration.fields.items():
-        rows.append((f"{sensor}_bias", f"{_numbers(own.bias)} {units[sensor]}{_deviation(own.bias_deviation)}"))
+        rows.append((f"{sensor}_bias", _numbers(own.bias, own.bias_deviation, units[sensor])))
         if own.matrix is not None:
-            deviations = [None] * 3 if own.matrix_deviation is None else own.matrix_deviation
             names = f"{sensor}_matrix", "", ""
-            rows += [(name, _numbers(row) + _deviation(deviation)) for name, row, deviation in zip(
+            deviations = [None] * 3 if own.matrix_deviation is None else own.matrix_deviation
+            rows += [(name, _numbers(row, deviation)) for name, row, deviation in zip(
                 names, own.matrix, deviations, strict=True)]
     return rows
 
 
-def _numbers(values):
-    return " ".join(f"{value:9.4f}" for value in values)
-
-
-def _deviation(values):
-    return "" if values is None else " ±" + " ".join(f"{value:7.4f}" for value in values)
+def _numbers(values, deviations, unit=""):
+    """Numbers with a unit and their standard deviations, the least of which has two digits at least."""
+    least = 0 if deviations is None else min(deviations)
+    places = 4 if least <= 0 else max(4, 1 - math.floor(math.log10(least)))
+    text = " ".join(f"{value:{5 + places}.{places}f}" for value in values) + (unit and f" {unit}")
+    return text if deviations is None else f"{text} ± " + " ".join(f"{value:.{places}f}" for value in deviations)
 
 
 def _strength_rows(calibration):
