@@ -141,8 +141,9 @@ def fit_accelerometer(recording: Recording) -> EllipsoidFit:
         parameters = 3 + (3 if diagonal else len(ENTRIES))
         if seen >= parameters and _information(directions(means), diagonal) >= LEAST_INFORMATION:
             return fit_ellipsoid(means, magnitude=STANDARD_GRAVITY, diagonal=diagonal, spikes=False)
-    known = "one attitude at rest does" if seen == 1 else f"{seen or 'no'} attitudes at rest do"
-    raise FitError(f"{known} not tell its errors; let the sensor rest for 6 s on each of its six sides, and on three "
+    known = ("it was never at rest", "one attitude at rest does not tell its errors",
+             f"{seen} attitudes at rest do not tell its errors")[min(seen, 2)]
+    raise FitError(f"{known}; let the sensor rest for 6 s on each of its six sides, and on three "
                    "edges for a full matrix")
 
 
@@ -378,8 +379,8 @@ def _turned_deg(seen: Directions) -> list[int]:
 def _missing(seen: Directions) -> str:
     """Message on directions that do not tell the parameters."""
     if seen.cells == 1:
-        return ("the field came from one direction, which does not tell its errors; turn the sensor by full turns about "
-                "x, y and z")
+        return ("the field came from one direction, which does not tell its errors; turn the sensor by full turns "
+                "about x, y and z")
     turned = _turned_deg(seen)
     missing = [name for name, angle in zip("xyz", turned, strict=True) if angle < 300] or list("xyz")
     return (f"the field came from {seen.cells} of {CELLS} directions, which do not tell its errors: the sensor was "

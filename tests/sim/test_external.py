@@ -10,12 +10,13 @@ from click.testing import CliRunner
 from strapdown.cli import main
 from strapdown.config import ConfigError
 from strapdown.cores import FLIGHT, FLIGHT_6AXIS, MAHONY
-from strapdown_sim.errors import multiply
+from strapdown_sim.errors import attitude_errors, match_reference, multiply, rms
 from strapdown_sim.external import LONGEST_GAP_S, with_external_acceleration
 from strapdown_sim.recordings import Recording, Reference, Track, read_recording
 from strapdown_sim.reference.attitude import matrix_from_quaternion
 from strapdown_sim.reference.flight import FRAME_QUATERNIONS
 from strapdown_sim.replay import for_recording
+from strapdown_sim.truth import flight_filter
 
 from ..twin import TwinModel
 
@@ -97,16 +98,19 @@ def test_errors_are_one_line(config, change, message):
 
 
 NWU_TO_ENU = np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)
+SHORT = 12 * RATE_HZ
 
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory):
-    """An archive of NumPy with the velocity of ``circling``, which is known in every fifth sample."""
+    """An archive of NumPy with the start of ``circling``, whose velocity is known in every fifth sample."""
     recording, path = circling(0), tmp_path_factory.mktemp("external") / "circling.npz"
     velocity = np.full((len(recording.time_s), 3), np.nan)
     velocity[::5] = recording.velocity.values
-    np.savez(path, t=recording.time_s, fs=RATE_HZ, gyro=np.radians(recording.gyro_deg_s), accel=recording.accel,
-             mag=recording.mag, quat_ref=multiply(NWU_TO_ENU, recording.reference.quaternion), vel_ref=velocity)
+    arrays = {"t": recording.time_s, "gyro": np.radians(recording.gyro_deg_s), "accel": recording.accel,
+              "mag": recording.mag, "quat_ref": multiply(NWU_TO_ENU, recording.reference.quaternion),
+              "vel_ref": velocity}
+    np.savez(path, fs=RATE_HZ, **{name: values[:SHORT] for name, values in arrays.items()})
     return path
 
 
@@ -115,7 +119,9 @@ def test_an_archive_with_velocity_is_a_source(archive):
     found, told = (with_external_acceleration(recording, for_recording(FLIGHT, recording))
                    for recording in (read_recording(archive), circling(0)))
     assert found[1] == told[1]
-    np.testing.assert_allclose(found[0].external, told[0].external, atol=1e-9)
+    # The track has a velocity after the archive's last, so the last two middles differ.
+    inside = slice(SHORT - RATE_HZ)
+    np.testing.assert_allclose(found[0].external[inside], told[0].external[inside], atol=1e-9)
 
 
 def replay(path, *options):
@@ -126,16 +132,17 @@ def test_the_command_gives_it_to_the_core(archive, tmp_path, monkeypatch):
     """The vertical of a body whose velocity turns: an acceleration of 3 m/s² tilts the filter that does not know it."""
     monkeypatch.setattr("strapdown_sim.replay.CoreModel", TwinModel)
     monkeypatch.setattr("strapdown.export.verilog.to_verilog", lambda component, name, **options: "")
-    errors = {}
-    for name, options in (("known", ("--external", "velocity")), ("unknown", ())):
-        result = replay(archive, *options, "--output", tmp_path / name)
-        assert result.exit_code == 0, result.output
-        assert ("updates with status: external used" in result.output) == (name == "known")
-        summary = json.loads((tmp_path / name / "summary.json").read_text(encoding="utf-8"))
-        assert ("external_acceleration" in summary) == (name == "known")
-        errors[name] = summary["against_recorded_reference_deg"]["inclination_rms"]
-    assert errors["known"] < 0.3
-    assert errors["unknown"] > 1
+    result = replay(archive, "--external", "velocity", "--output", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "updates with status: external used" in result.output
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["external_acceleration"] == {"from": "velocity", "turned_deg": 0.0}
+    assert summary["against_recorded_reference_deg"]["inclination_rms"] < 0.3
+    unknowing = read_recording(archive)
+    answer = flight_filter(FLIGHT.replace(sample_rate_hz=RATE_HZ)).run(
+        unknowing.accel, unknowing.mag, unknowing.gyro_deg_s)
+    match = match_reference(unknowing, answer.q_b2n)
+    assert rms(attitude_errors(match.q_est, match.q_ref).inclination) > 1
 
 
 def test_the_command_has_one_velocity_for_one_sensor(archive, tmp_path):

@@ -71,6 +71,15 @@ def test_units_of_the_device(shared_logs, tmp_path):
     assert " a.u. ±" in output.splitlines()[0]
 
 
+def test_a_small_unit_has_more_digits(tmp_path):
+    """A field in tesla: 6.0 µT with the deviation of 0.02 µT that test_command has."""
+    tesla = replace(WRONG, mag=1e-6 * WRONG.mag)
+    line = run(write(tmp_path / "tesla.npz", tesla), "--output", tmp_path / "out").stdout.splitlines()[0]
+    bias, _, deviation = line.partition("±")
+    assert [float(word) for word in bias.split()[1:4]] == pytest.approx(1e-6 * np.array(HARD), abs=1e-7)
+    assert all(1e-9 < float(word) < 1e-7 for word in deviation.split())
+
+
 def test_a_calibrated_recording_needs_none():
     """The fit of what a fit has put right is nothing."""
     again = calibrate_sensors(calibrated(WRONG, calibrate_sensors(WRONG)))
@@ -108,13 +117,22 @@ def test_turned_axes_are_told():
     assert note.endswith("° with attitude: are its axes those of the accelerometer?")
 
 
+def test_a_field_that_still_varies_is_told():
+    found = calibrate_sensors(WRONG)
+    [note] = [line for line in replace(found, after=found.before).notes if line.startswith("magnetometer")]
+    assert note == ("magnetometer: after the calibration its field strength still varies by "
+                    f"{100 * found.before.strength_variation:.2g} % with attitude, headings err by about "
+                    f"{found.before.heading_error_deg:.2g}°: choose a part of the recording with --from and --to, or "
+                    "record far from iron and magnets")
+
+
 def test_nothing_to_fit(tmp_path):
     path = write(tmp_path / "short.npz", replace(turned_by_hand([Turn(Z, 90), Turn(X, 90)], rate_hz=50), mag=None))
     result = run(path, "--output", tmp_path / "out")
     assert result.exit_code == 2
     assert result.stderr.startswith(
         f"strapdown: {path}: magnetometer: the recording has no magnetometer; gyro: there is no rest that is long "
-        "enough; let the sensor lie still for 10 s; accelerometer: 0 attitudes")
+        "enough; let the sensor lie still for 10 s; accelerometer: it was never at rest; let ")
     assert not (tmp_path / "out").exists()
     with pytest.raises(FitError):
         calibrate_sensors(read_recording(path))

@@ -153,6 +153,16 @@ def test_directions_that_do_not_tell(turns, message):
     assert message in str(raised.value)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_sensor_that_says_one_value():
+    """Its only sample is also the middle of its samples, which has no direction from there."""
+    lying = turned_by_hand([Turn(Z, 0, 10)], mag_noise_ut=0)
+    with pytest.raises(FitError) as raised:
+        fit_magnetometer(lying)
+    assert str(raised.value) == ("the field came from one direction, which does not tell its errors; turn the sensor "
+                                 "by full turns about x, y and z")
+
+
 def test_refusals():
     rotating = turned_by_hand([Turn(Z, 360), Turn(X, 360)])
     for fit, recording, message in (
@@ -161,7 +171,11 @@ def test_refusals():
              "7 samples are too few"),
             (fit_gyro, rotating, "there is no rest that is long enough; let the sensor lie still for 10 s"),
             (fit_accelerometer, turned_by_hand(SIDES[:3]), "3 attitudes at rest do not tell its errors; let the sensor "
-             "rest for 6 s on each of its six sides, and on three edges for a full matrix")):
+             "rest for 6 s on each of its six sides, and on three edges for a full matrix"),
+            (fit_accelerometer, turned_by_hand([Turn(Z, 0, 6)]), "one attitude at rest does not tell its errors; let "
+             "the sensor rest for 6 s on each of its six sides, and on three edges for a full matrix"),
+            (fit_accelerometer, rotating, "it was never at rest; let the sensor rest for 6 s on each of its six "
+             "sides, and on three edges for a full matrix")):
         with pytest.raises(FitError) as raised:
             fit(recording)
         assert str(raised.value) == message
