@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from strapdown.algorithms.flight import Calibration, Parameters
-from strapdown.cores import FLIGHT, Core, main_module, make_module, system_of
+from strapdown.cores import FLIGHT, Top, main_module, make_module, system_of
 from strapdown.cores.flight import FlightConfig
 from strapdown.markdown import markdown_table
 from strapdown_lab.checkout import ROOT, write_blocks
@@ -55,7 +55,7 @@ def config_of(changes: dict[str, Any]) -> FlightConfig:
                              for name, value in changes.items()})
 
 
-def circuit_digest(core: Core) -> str:
+def circuit_digest(core: Top) -> str:
     """SHA-256 of the circuit of FLIGHT alone, as in docs/report/cores.json."""
     return digest(core_circuit(core, FLIGHT))
 
