@@ -52,6 +52,8 @@ from .studies.airliner import airliner_table
 from .studies.calibration import errors_table, fields_table
 from .studies.calibration import picture as calibration_picture
 from .studies.flight_cases import cases_table
+from .studies.flight_cross import cross_tables
+from .studies.flight_magnet import magnet_tables
 from .studies.flight_options import options_table
 from .studies.flight_parts import parts_table
 from .studies.optical import flights_table, geometry_lines, positions_table
@@ -286,6 +288,16 @@ def parts_block():
     return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
 
 
+def cross_blocks():
+    """Tables of the cross-validation of the flight filter."""
+    return cross_tables(json.loads((ROOT / "docs" / "report" / "flight_cross.json").read_text(encoding="utf-8")))
+
+
+def magnet_blocks():
+    """Tables of the flight filter beside a magnet."""
+    return magnet_tables(json.loads((ROOT / "docs" / "report" / "flight_magnet.json").read_text(encoding="utf-8")))
+
+
 def operator_pages():
     """Pages of docs/operators, by the name of their operator, with measured resources if available."""
     figures = ROOT / "docs" / "report" / "operators.json"
@@ -343,6 +355,10 @@ def main():
         write_blocks(ROOT / "docs" / "flight.md", {"options": options_block()})
     if (figures / "flight_cases.json").exists():
         write_blocks(ROOT / "docs" / "flight.md", {"cases": cases_block()})
+    if (figures / "flight_cross.json").exists():
+        write_blocks(ROOT / "docs" / "flight.md", cross_blocks())
+    if (figures / "flight_magnet.json").exists():
+        write_blocks(ROOT / "docs" / "flight.md", magnet_blocks())
 
 
 if __name__ == "__main__":

@@ -60,14 +60,15 @@ def flight(recording):
     return model.run(recording.accel, recording.mag, recording.gyro_deg_s).q_b2n
 
 
-def vqf(recording):
-    """VQF (Laidig and Seel, 2023), default settings."""
+def vqf(recording, **settings):
+    """VQF (Laidig and Seel, 2023), with its default settings but for those that are given."""
     from vqf import VQF
 
     samples = [np.radians(recording.gyro_deg_s), recording.accel]
     if recording.mag is not None:
         samples.append(recording.mag)
-    result = VQF(1 / recording.sample_rate_hz).updateBatch(*(np.ascontiguousarray(s, dtype=float) for s in samples))
+    model = VQF(1 / recording.sample_rate_hz, **settings)
+    result = model.updateBatch(*(np.ascontiguousarray(s, dtype=float) for s in samples))
     return enu_to_nwu(result["quat6D" if recording.mag is None else "quat9D"])
 
 

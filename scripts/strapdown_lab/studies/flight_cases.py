@@ -25,7 +25,7 @@ from strapdown_sim.recordings import Recording, Reference, read_recording
 from strapdown_sim.reference.attitude import matrix_from_quaternion
 from strapdown_sim.stimuli.wander import wander
 
-__all__ = ["cases_digest", "cases_table", "hour", "main", "resting", "started", "turned_over"]
+__all__ = ["cases_digest", "cases_table", "hour", "main", "referenced", "resting", "started", "turned_over"]
 
 STARTS_S = 20, 35, 50
 MAGNET = "broad_33_disturbed_attached_magnet_2cm"
@@ -98,6 +98,14 @@ def resting(seconds=30.0, rate_hz=8000.0, seed=3):
     return _recording("rest", rate_hz, gyro, accel, mag, np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)))
 
 
+def referenced(folders):
+    """Recordings of some folders, or of the shared ones, that have a reference."""
+    paths = [Path(folder) for folder in folders] or [
+        ROOT.parent / "shared" / name for name in ("recordings", "validation")]
+    return [recording for folder in paths for recording in map(read_recording, sorted(folder.glob("*.npz")))
+            if recording.reference is not None and recording.reference.valid.any()]
+
+
 def cases(recordings):
     """Maps the title of each case to a Case."""
     broad = [each for each in recordings if each.name.startswith("broad") and each.name != MAGNET]
@@ -168,10 +176,7 @@ def cases_table(result):
 
 def main():
     """Measure, and write the JSON file and the table."""
-    folders = [Path(word) for word in sys.argv[1:]] or [
-        ROOT.parent / "shared" / name for name in ("recordings", "validation")]
-    recordings = [recording for folder in folders for recording in map(read_recording, sorted(folder.glob("*.npz")))
-                  if recording.reference is not None and recording.reference.valid.any()]
+    recordings = referenced(sys.argv[1:])
     result: dict = {"equations_sha256": cases_digest(), "cases": {}}
     for title, case in cases(recordings).items():
         result["cases"][title] = score(case)
