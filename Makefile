@@ -118,6 +118,8 @@ accuracy: $(VENV)/ready-accuracy ## Errors of attitude filters on real recording
 	$(BIN)/python -m strapdown_lab.studies.optical_pins
 	$(BIN)/strapdown accuracy $(RECORDINGS) $(VALIDATION) --output build/accuracy
 	$(BIN)/python -m strapdown_lab.studies.flight_cases $(RECORDINGS) $(VALIDATION)
+	$(BIN)/python -m strapdown_lab.studies.flight_magnet $(RECORDINGS) $(VALIDATION)
+	$(BIN)/python -m strapdown_lab.studies.flight_cross $(RECORDINGS) $(VALIDATION)
 	mkdir -p docs/report && cp build/accuracy/accuracy.json build/accuracy/accuracy.png docs/report
 
 lint: setup ## Check style, types, spelling and the direction of imports.

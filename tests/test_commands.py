@@ -386,8 +386,9 @@ def recipe(words, place):
         case ["python", "-m", "strapdown_lab.faults", *rest]:
             faults(rest, place)
         case ["python", "-m", "strapdown_lab.studies.optical" | "strapdown_lab.studies.optical_pins"
-              | "strapdown_lab.studies.flight_cases", *_]:
-            # tests/lab/test_optical.py measures some of their figures.
+              | "strapdown_lab.studies.flight_cases" | "strapdown_lab.studies.flight_cross"
+              | "strapdown_lab.studies.flight_magnet", *_]:
+            # tests/lab measures some of their figures.
             pass
         case ["python", "-m", "strapdown_lab.docs"]:
             # tests/test_readme.py and tests/lab compare its output.

@@ -1,8 +1,8 @@
-"""Cross-validation of the inclination: flight filter and VQF, tuned on half of the recordings, judged on the other half.
+"""Cross-validation of the inclination: flight filter and VQF, tuned on half of the recordings, judged on the other.
 
-The script writes docs/report/flight_cross.json and two tables in docs/flight.md. It takes some minutes. Both filters are
-tuned in the same way, from their defaults, by the same number of runs. The parameters of the product are not changed by
-it. The arguments are the folders of the recordings.
+The script writes docs/report/flight_cross.json and two tables in docs/flight.md. It takes some minutes. Both filters
+are tuned in the same way, from their defaults, by the same number of runs. The parameters of the product are not
+changed by it. The arguments are the folders of the recordings.
 """
 
 import json
