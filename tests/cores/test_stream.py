@@ -169,7 +169,7 @@ def test_differing_bits_are_counted(model):
 
 
 # With next-state values that are read again, a ROM in block RAM, and results that are kept for several intervals.
-STREAMED = {"flight": (FLIGHT.replace(channels=8), 216), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38)}
+STREAMED = {"flight": (FLIGHT.replace(channels=8), 358), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38)}
 
 
 @pytest.fixture(scope="module", params=STREAMED)
