@@ -240,7 +240,7 @@ def test_samples_are_counted_by_the_status_of_their_update(recording, tmp_path, 
     assert summary["refused_updates"] == 3
     assert summary["updates_by_status"] == {
         "accelerometer_missing": 2, "magnetometer_missing": 4, "refused": 3, "ignored": 0,
-        "restarted": 0}
+        "restarted": 0, "tilt_reversed": 0, "heading_reversed": 0}
     for line in ("accelerometer missing +2", "magnetometer missing +4", "refused +3"):
         assert re.search(rf"^updates with status: {line}$", result.stdout, re.MULTILINE)
     assert "ignored" not in result.stdout

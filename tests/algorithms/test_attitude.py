@@ -4,10 +4,18 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.optimize import root
 
 from strapdown.cores import ATTITUDE_CORES, FLIGHT, MAHONY, THESIS, THESIS_COMPACT
 from strapdown_sim.errors import angle_difference
-from strapdown_sim.reference.attitude import euler_angles
+from strapdown_sim.reference.attitude import (
+    acc_error,
+    euler_angles,
+    heading_reversed,
+    mag_error,
+    matrix_from_quaternion,
+    tilt_reversed,
+)
 from strapdown_sim.stimuli.pole import angle_error, pole_grid, update_at
 from strapdown_sim.stimuli.thesis import TABLES
 from strapdown_sim.truth import module_outputs
@@ -57,6 +65,44 @@ def test_vector_without_length_does_not_correct():
     assert set(system.update_float64(system.bind(a=np.zeros(3), v=(0.6, 0.0, 0.8))).values()) == {0.0}
     system = ATTITUDE_CORES["INS_mag"](THESIS)
     assert set(system.update_float64(system.bind(m=np.zeros(3), c=random_rotation(1)[0])).values()) == {0.0}
+
+
+def reversed_bits(a_b, m_b, c_n2b):
+    """The bits ``tilt_reversed`` and ``heading_reversed`` of INS_top at matrices of shape (N, 3, 3), shape (2, N)."""
+    system = ATTITUDE_CORES["INS_top"](MAHONY)
+    state = system.bind_state(q=np.broadcast_to([1.0, 0, 0, 0], (len(c_n2b), 4)), c=c_n2b)
+    result = system.update_float64(system.bind(a=a_b, m=m_b, g=np.zeros_like(a_b)), state)
+    return np.stack([result["tilt_reversed"], result["heading_reversed"]])
+
+
+def test_reversed_is_more_than_90_degrees():
+    a, m, c = RNG.standard_normal((1000, 3)), RNG.standard_normal((1000, 3)), random_rotation(1000)
+    expected = np.stack([tilt_reversed(a, c), heading_reversed(m, c)])
+    assert (reversed_bits(a, m, c) == expected).all()
+    assert 400 < expected.sum() / 2 < 600
+
+
+def test_every_wrong_attitude_without_an_error_is_reversed():
+    """A solver looks for attitudes at which the error vector is zero: right ones and false equilibria."""
+    right, wrong = 0, []
+    for truth, start, dip in zip(random_rotation(200), random_rotation(200), RNG.uniform(-80, 80, 200), strict=True):
+        a, m = truth[:, 2], truth @ (np.cos(np.radians(dip)), 0, -np.sin(np.radians(dip)))
+
+        def attitude(turn, start=start):
+            q = np.append(1, turn)
+            return matrix_from_quaternion(q / np.linalg.norm(q)) @ start
+
+        found = root(lambda turn: acc_error(a, c := attitude(turn)) + mag_error(m, c), np.zeros(3), tol=1e-12)
+        c = attitude(found.x)
+        if np.abs(found.fun).max() > 1e-10:
+            continue
+        if np.abs(c - truth).max() < 1e-6:
+            right += 1
+        else:
+            wrong.append((a, m, c))
+    assert right > 20
+    assert len(wrong) > 20
+    assert reversed_bits(*map(np.array, zip(*wrong, strict=True))).any(axis=0).all()
 
 
 @pytest.mark.parametrize(("c11", "c12", "yaw"), [

@@ -96,7 +96,7 @@ def test_the_sequencer_walks_the_states_of_the_thesis(make_core):
     core = make_core("INS_top", THESIS)
     assert core.engine.state_names == ("IDLE", "ACC_MAG", "GYRO", "QUAT", "MATX", "EULER", "END")
     assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "ignored",
-                                        "restarted")
+                                        "restarted", "tilt_reversed", "heading_reversed")
 
 
 @pytest.mark.verilator

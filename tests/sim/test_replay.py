@@ -81,6 +81,18 @@ def test_cases_of_the_field(shared_cases, name, like):
     assert (found.q_b2n == right.q_b2n).all()
 
 
+def test_a_false_equilibrium_has_a_status_bit(shared_cases):
+    """The body heads south and is level; the filter stays at a yaw of zero for ever."""
+    recording = read_recording(shared_cases / "heading_south.csv")
+    config = for_recording(MAHONY, recording)
+    system = config.systems()["INS_top"](config)
+    result, _ = system.run(config.pool, system.bind(a=recording.accel, m=recording.mag, g=recording.gyro_deg_s))
+    assert result["out_yaw"][-1] == 0
+    assert result["out_pitch"][-1] == pytest.approx(-16.4, abs=0.1)
+    assert result["heading_reversed"].all()
+    assert not result["tilt_reversed"].any()
+
+
 def turning(steps):
     """A Recording of a level sensor that turns at 90 deg/s in its second half."""
     time_s, rates = np.cumsum(steps) - steps[0], np.zeros((len(steps), 3))

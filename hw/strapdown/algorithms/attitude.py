@@ -28,11 +28,12 @@ class Update(NamedTuple):
 def accelerometer_error(xp, a, v, gain=1):
     """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26 and 2.30.
 
-    Returns (gain·e_a, true if ``a`` has no length). The vector product does not wait for the root and the
-    division, which run at the same time. The gain is the dividend and needs no additional operation.
+    Returns (gain·e_a, true if ``a`` has no length, true if the angle from a to v is more than 90°). The vector
+    product does not wait for the root and the division, which run at the same time. The gain is the dividend and
+    needs no additional operation.
     """
     square, missing = length_squared(a)
-    return scale(gain / xp.sqrt(square), cross(a, v)), missing
+    return scale(gain / xp.sqrt(square), cross(a, v)), missing, a[2] * v[2] < -(a[0] * v[0] + a[1] * v[1])
 
 
 def magnetometer_error(xp, m, c, axes, gain=1):
@@ -41,13 +42,13 @@ def magnetometer_error(xp, m, c, axes, gain=1):
     ``m`` is in sensor axes; ``axes`` maps them to body axes. w is proportional to |m|, so e_m is computed
     from the field as measured and divided once by |m|², without a root. By the columns of C,
     m × w = bx·(m × c1) + hz·(m × c3): all values but bx are ready before the root of bx is.
-    Returns (gain·e_m, true if ``m`` has no length).
+    Returns (gain·e_m, true if ``m`` has no length, true if the angle from h to north is more than 90°: hx < 0).
     """
     m = permute(axes, m)
     square, missing = length_squared(m)
     h = transposed_vector(c, m)
     north, up = (scale(gain / square, cross(m, column(c, axis))) for axis in (0, 2))
-    return add(scale(xp.sqrt(dot(h[:2], h[:2])), north), scale(h[2], up)), missing
+    return add(scale(xp.sqrt(dot(h[:2], h[:2])), north), scale(h[2], up)), missing, h[0] < 0.0
 
 
 def rate_correction(g, e_a, e_m, i, unit, integral_share):
@@ -151,12 +152,18 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
 
     The angles do not wait for the normalisation of the next quaternion: they need only the directions in |q|²·C.
     All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one period.
+
+    The error e_a + e_m is zero at wrong attitudes too, its false equilibria; ``tilt_reversed`` or ``heading_reversed``
+    is true at each of them. In navigation axes, with a_n = Cᵀ·a/|a| and h = Cᵀ·m/|m|, the error is
+    (a_ny + hz·hy, hz·(bx − hx) − a_nx, −bx·hy). Where it is zero, hy is zero, so a_ny is zero and hx = ±bx.
+    With hx = bx the attitude is right, or a_n = (0, 0, −1): upside down. With hx = −bx north is behind, and the pitch
+    is wrong by asin(2·hz·bx).
     """
     with xp.section("ACC_MAG"):
         gain, integral_share = correction_gains(kp, ki, period)
         gain *= period / 2
-        e_a, accelerometer_missing = accelerometer_error(xp, a, column(c, 2), gain)
-        e_m, magnetometer_missing = magnetometer_error(xp, m, c, axes, gain)
+        e_a, accelerometer_missing, tilt_reversed = accelerometer_error(xp, a, column(c, 2), gain)
+        e_m, magnetometer_missing, heading_reversed = magnetometer_error(xp, m, c, axes, gain)
     with xp.section("GYRO"):
         half_turn, i = rate_correction(g, e_a, e_m, i, period / 2 / DEGREES, integral_share)
     with xp.section("QUAT"):
@@ -171,4 +178,5 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
     return Update(
         outputs={"c": c, "angles": angles},
         state={"q": q, "c": c, "i": i},
-        status={"accelerometer_missing": accelerometer_missing, "magnetometer_missing": magnetometer_missing})
+        status={"accelerometer_missing": accelerometer_missing, "magnetometer_missing": magnetometer_missing,
+                "tilt_reversed": tilt_reversed, "heading_reversed": heading_reversed})

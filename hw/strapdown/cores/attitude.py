@@ -70,7 +70,7 @@ KERNELS = (attitude.accelerometer_error, attitude.magnetometer_error, attitude.r
 def ins_acc(config):
     """System of INS_acc."""
     def equations(xp, a, v):
-        e_a, _ = attitude.accelerometer_error(xp, a, v)
+        e_a, _, _ = attitude.accelerometer_error(xp, a, v)
         return Update({"e_a": e_a})
 
     return System(
@@ -84,7 +84,7 @@ def ins_acc(config):
 def ins_mag(config):
     """System of INS_mag."""
     def equations(xp, m, c):
-        e_m, _ = attitude.magnetometer_error(xp, m, c, config.magnetometer_axes)
+        e_m, _, _ = attitude.magnetometer_error(xp, m, c, config.magnetometer_axes)
         return Update({"e_m": e_m})
 
     return System(
@@ -180,7 +180,10 @@ def ins_top(config):
         outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw"))},
         state={"q": vector("q{}", "0123"), "c": matrix("c{}"), "i": vector("i{}")},
         reset=dict.fromkeys(("q0", "c11", "c22", "c33"), 1.0),
-        status=("accelerometer_missing", "magnetometer_missing"), status_port="out_status")
+        status=("accelerometer_missing", "magnetometer_missing", "tilt_reversed", "heading_reversed"),
+        status_port="out_status",
+        status_order=("accelerometer_missing", "magnetometer_missing", "refused", "ignored", "restarted",
+                      "tilt_reversed", "heading_reversed"))
 
 
 ATTITUDE_CORES = {"INS_acc": ins_acc, "INS_mag": ins_mag, "INS_gyro": ins_gyro, "INS_quat": ins_quat,

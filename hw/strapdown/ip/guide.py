@@ -23,7 +23,7 @@ LIMITS = {
         "The accelerometer stands for the vertical: a long acceleration tilts the estimate towards the specific force.",
         "The magnetometer corrects all three axes: a disturbed field also disturbs pitch and roll.",
         "The error vector vanishes not only at the true attitude: the filter can stay upside down, or at a wrong pitch "
-        "with the heading exactly south.",
+        "with the heading reversed. The bits `tilt_reversed` and `heading_reversed` of the status show it.",
         "The gains hold for the sample rate of the configuration."),
     "INS_flight": (
         "The true heading needs an undisturbed field at some time; without a magnetometer the heading is relative.",

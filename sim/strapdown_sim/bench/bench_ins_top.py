@@ -7,6 +7,7 @@ import numpy as np
 
 from strapdown_sim.bench.handshake import CoreDriver
 from strapdown_sim.drivers.bench import core_under_test
+from strapdown_sim.reference.attitude import axis_matrix
 from strapdown_sim.stimuli.pole import angle_error
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT
 from strapdown_sim.truth import complementary_filter
@@ -76,6 +77,26 @@ async def sensor_without_length(dut):
         if vectors.get("a") == (1e-30, 0.0, 0.0):
             vectors = {"a": nothing}  # too short to have a direction
         assert near(driver, truth.update(*(SAMPLE | vectors).values())), vectors
+
+
+@cocotb.test(timeout_time=1, timeout_unit="ms")
+async def reversed_attitude(dut):
+    """A specific force or a field that is more than 90 degrees from the attitude sets its bit, though no error shows it.
+
+    After a reset the body is level and heads north. The error vector of a body upside down is zero, and so is that of
+    a body that heads south in a horizontal field: the attitude does not change.
+    """
+    driver = CoreDriver(dut, core)
+    up, sensor = (0.0, 0.0, 9.8), axis_matrix(config.magnetometer_axes).T
+    for a, field, expected in ((up, (20, 0, -40), set()), ((0, 0, -9.8), (20, 0, 0), {"tilt_reversed"}),
+                               (up, (-20, 0, 0), {"heading_reversed"}),
+                               ((0, 0, -9.8), (-20, 0, 0), {"tilt_reversed", "heading_reversed"}),
+                               ((0, 0, 0), (0, 0, 0), {"accelerometer_missing", "magnetometer_missing"})):
+        await driver.reset()
+        for _ in range(3):
+            await driver.update(sample(a=a, m=sensor @ field, g=(0, 0, 0)))
+            assert driver.status() == expected
+            assert np.abs(driver.vectors()["c"] - np.eye(3)).max() == 0
 
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")

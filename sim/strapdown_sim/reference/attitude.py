@@ -94,6 +94,22 @@ def mag_error(m_b, c_n2b):
     return _cross(m_b, _apply(c_n2b, b_n))
 
 
+def tilt_reversed(a_b, c_n2b):
+    """True where the specific force is more than 90 degrees from the estimated vertical, shape (...).
+
+    Arguments as for `acc_error`.
+    """
+    return np.vecdot(np.asarray(a_b, dtype=float), np.asarray(c_n2b, dtype=float)[..., 2]) < 0
+
+
+def heading_reversed(m_b, c_n2b):
+    """True where the horizontal field is more than 90 degrees from the estimated north, shape (...).
+
+    Arguments as for `mag_error`.
+    """
+    return np.vecdot(np.asarray(m_b, dtype=float), np.asarray(c_n2b, dtype=float)[..., 0]) < 0
+
+
 def gyro_correction(g_deg_s, e_a, e_m, integral, *, kp, ki, period_s):
     """Angular rate corrected by the error vectors through a proportional and an integral gain.
 
