@@ -137,7 +137,7 @@ class Engine(SystemComponent):
         if not self._system.status_port:
             return ()
         own = (*self._system.status, REFUSED, IGNORED, *([RESTARTED] if self._system.restart_after else []))
-        return self._system.status_order or own
+        return self._system.ordered_status(own)
 
     def elaborate(self, platform):
         m = Module()

@@ -144,7 +144,7 @@ class StreamEngine(SystemComponent):
         if not self._system.status_port:
             return ()
         own = (*self._system.status, REFUSED, *([RESTARTED] if self._system.restart_after else []))
-        return self._system.status_order or own
+        return self._system.ordered_status(own)
 
     def elaborate(self, platform):
         m = Module()
@@ -428,7 +428,7 @@ class StreamEngine(SystemComponent):
             status = {name: (kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated) & ~control.refuse
                       for name, operand in graph.status.items()} | {REFUSED: control.refuse, RESTARTED: restart}
             shown.append(getattr(self, self._system.status_port).eq(
-                Cat(status.get(name, C(0)) for name in self.status_names)))
+                Cat(status[name] for name in self.status_names)))
         with m.If(control.commit):
             m.d.sync += shown
         for port, node in graph.outputs.items():

@@ -102,7 +102,7 @@ class System:
         Port of the status bits. A system with a status port refuses an update in which a number is
         not finite. Empty: NaN and infinity propagate to the outputs.
     status_order : tuple of str
-        Names of all bits of the status port, lowest first; a bit that the engine does not have stays low. Empty: the
+        Names of all bits of the status port, lowest first; a bit that the engine does not have is left out. Empty: the
         bits of the engine, in its order.
     restart_after : int
         Number of updates, refused in a row although every input was finite, after which the state starts again from its
@@ -180,6 +180,10 @@ class System:
     def output_ports(self):
         """Names of the data outputs, in order."""
         return tuple(leaves(self.outputs))
+
+    def ordered_status(self, bits):
+        """Status bits of an engine, in the order of ``status_order``."""
+        return tuple(name for name in self.status_order or bits if name in bits)
 
     def input_width(self, port, format):
         """Bits of an input port of an engine for numbers of a format."""
