@@ -104,6 +104,8 @@ def test_a_core_that_never_starts_again_has_no_bit(make_core):
     without = make_core("QUAT_direct", QUATERNION_J3.replace(restart_after="0"))
     assert without.engine.status_names == ("refused", "ignored")
     assert make_core("QUAT_direct", QUATERNION_J3).engine.status_names == ("refused", "ignored", "restarted")
+    assert make_core("INS_top", THESIS.replace(restart_after="0")).engine.status_names == (
+        "accelerometer_missing", "magnetometer_missing", "refused", "ignored", "tilt_reversed", "heading_reversed")
 
 
 def test_a_number_of_updates_that_cannot_be():

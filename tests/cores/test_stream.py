@@ -62,7 +62,9 @@ def test_ports_are_those_of_ins_top_with_a_channel(core):
     outputs = {f"out_c{row}{column}" for row in "123" for column in "123"} | {"out_pitch", "out_roll", "out_yaw"}
     assert flow == (dict.fromkeys(("clk", "rst_n", "in_data_en"), ("In", 1)) | dict.fromkeys(inputs, ("In", 32))
                     | dict.fromkeys(outputs, ("Out", 32)) | dict.fromkeys(("in_ready", "out_INS_finish"), ("Out", 1))
-                    | {"in_channel": ("In", 3), "out_channel": ("Out", 3), "out_status": ("Out", 4)})
+                    | {"in_channel": ("In", 3), "out_channel": ("Out", 3), "out_status": ("Out", 6)})
+    assert core.engine.status_names == ("accelerometer_missing", "magnetometer_missing", "refused", "restarted",
+                                        "tilt_reversed", "heading_reversed")
 
 
 def test_file_explains_itself(core, verilog):
