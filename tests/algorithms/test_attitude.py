@@ -82,19 +82,27 @@ def test_reversed_is_more_than_90_degrees():
     assert 400 < expected.sum() / 2 < 600
 
 
+def equilibrium(a, m, start):
+    """What a solver that begins at the matrix ``start`` finds: (matrix, error vector)."""
+    def attitude(turn):
+        q = np.append(1, turn)
+        return matrix_from_quaternion(q / np.linalg.norm(q)) @ start
+
+    def error(turn):
+        c = attitude(turn)
+        return acc_error(a, c) + mag_error(m, c)
+
+    found = root(error, np.zeros(3), tol=1e-12)
+    return attitude(found.x), found.fun
+
+
 def test_every_wrong_attitude_without_an_error_is_reversed():
     """A solver looks for attitudes at which the error vector is zero: right ones and false equilibria."""
     right, wrong = 0, []
     for truth, start, dip in zip(random_rotation(200), random_rotation(200), RNG.uniform(-80, 80, 200), strict=True):
         a, m = truth[:, 2], truth @ (np.cos(np.radians(dip)), 0, -np.sin(np.radians(dip)))
-
-        def attitude(turn, start=start):
-            q = np.append(1, turn)
-            return matrix_from_quaternion(q / np.linalg.norm(q)) @ start
-
-        found = root(lambda turn: acc_error(a, c := attitude(turn)) + mag_error(m, c), np.zeros(3), tol=1e-12)
-        c = attitude(found.x)
-        if np.abs(found.fun).max() > 1e-10:
+        c, error = equilibrium(a, m, start)
+        if np.abs(error).max() > 1e-10:
             continue
         if np.abs(c - truth).max() < 1e-6:
             right += 1

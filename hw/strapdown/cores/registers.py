@@ -34,8 +34,8 @@ INTERRUPTS = {
 STATUS = {
     "accelerometer_missing": "the accelerometer sample had no length, and was not used",
     "magnetometer_missing": "the magnetometer sample had no length, or was not valid, and was not used",
-    "tilt_reversed": "the specific force was more than 90 degrees from the vertical of the attitude before the update",
-    "heading_reversed": "the horizontal field was more than 90 degrees from the north of the attitude before the update",
+    "tilt_reversed": "the specific force was more than 90 degrees from the attitude's vertical before the update",
+    "heading_reversed": "the horizontal field was more than 90 degrees from the attitude's north before the update",
     "starting": "heading and vertical are found; the bias is not learnt in motion",
     "at_rest": "the body was at rest: the bias was learnt from the average of the gyro",
     "magnetometer_rejected": "there was a field, but its weight was zero",

@@ -81,7 +81,7 @@ async def sensor_without_length(dut):
 
 @cocotb.test(timeout_time=1, timeout_unit="ms")
 async def reversed_attitude(dut):
-    """A specific force or a field that is more than 90 degrees from the attitude sets its bit, though no error shows it.
+    """A specific force or a field that is more than 90 degrees from the attitude sets its bit, even without an error.
 
     After a reset the body is level and heads north. The error vector of a body upside down is zero, and so is that of
     a body that heads south in a horizontal field: the attitude does not change.
