@@ -37,7 +37,7 @@ def test_what_a_pool_leaves_open_suits_the_number_of_channels():
 
 @pytest.mark.parametrize(("field", "value"), [("operand_memory", MemoryStyle.DISTRIBUTED), ("side_memory", False)])
 def test_what_a_pool_says_is_obeyed_with_several_channels(field, value):
-    config = FLIGHT.replace(pool=Pool(**{field: value}), channels=8)
+    config = THESIS.replace(pool=Pool(**{field: value}), channels=8)
     assert getattr(StreamMachine(config.pool).pool, field) is getattr(config.engine_pool, field) is value
     assert config.engine_pool == replace(Pool().settled(8), **{field: value})
 

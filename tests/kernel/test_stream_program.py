@@ -168,7 +168,7 @@ def check_words(system, program):
     state = {}
     begins, expected = [], []
     running = []
-    for begin in range(24):
+    for begin in range(20 + stages):
         running = [channel for start, channel in running if begin - start < stages] if begin else []
         choices = [channel for channel in range(min(program.channels, 8)) if channel not in running]
         running = [(start, channel) for start, channel in zip(range(begin - len(running), begin), running, strict=True)]
