@@ -68,7 +68,7 @@ def test_no_interval_is_shorter_than_the_divisions(graph):
     with pytest.raises(ValueError, match=r"^interval must be at least \d+, which .* needs, not 60$") as refusal:
         modulo_schedule(graph, MACHINE, 60)
     assert int(str(refusal.value).split()[5].rstrip(",")) >= least
-    with pytest.raises(ValueError, match="^interval must be at least"):
+    with pytest.raises(ValueError, match=r"^interval must be at least"):
         modulo_schedule(graph, MACHINE, least - 1)
 
 

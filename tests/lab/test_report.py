@@ -210,14 +210,14 @@ def test_figures_of_cores_behind_a_bus_are_of_these_circuits(figures):
         "make report measures them again"
 
 
-def test_a_bus_is_small_and_does_not_slow_the_core_down(figures):
-    """At most 600 LUTs for AXI4-Lite, 900 with streams, and 0.95 of the clock frequency."""
+def test_a_bus_is_small_and_its_slowest_path_is_the_cores(figures):
+    """At most 600 LUTs for AXI4-Lite, 900 with streams. Clock frequencies differ with the seeds of the router."""
     (core,) = (row for row in figures["cores"]["cores"] if row["config"] == "thesis")
     rows = [row for row in figures["buses"]["buses"] if row["config"] == "thesis"]
     assert [row["streams"] for row in rows] == [False, True]
     for row, most in zip(rows, (600, 900), strict=True):
         assert row["xc7"]["lut"] - core["xc7"]["lut"] <= most
-        assert row["ecp5"]["fmax_mhz"] >= 0.95 * core["ecp5"]["fmax_mhz"]
+        assert all(name.startswith("engine.") for name in row["ecp5"]["critical"])
 
 
 def test_bus_table():

@@ -14,10 +14,9 @@ from .list_scheduler import list_schedule
 from .machine import UpdateMachine
 from .pool import MemoryStyle
 from .program import UpdateProgram
+from .system import IGNORED, REFUSED, RESTARTED
 
 __all__ = ["Engine"]
-
-REFUSED, IGNORED, RESTARTED = "refused", "ignored", "restarted"
 
 
 class Engine(SystemComponent):

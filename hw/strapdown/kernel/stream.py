@@ -14,11 +14,11 @@ from .machine import StreamMachine
 from .modulo_scheduler import modulo_schedule
 from .pool import MemoryStyle
 from .program import CONSTANT, NEXT, STATE, TURNED, StreamProgram
+from .system import REFUSED, RESTARTED
 
 __all__ = ["StreamEngine"]
 
 READY, IN_CHANNEL, OUT_CHANNEL = "in_ready", "in_channel", "out_channel"
-REFUSED, RESTARTED = "refused", "restarted"
 
 
 class StreamEngine(SystemComponent):
@@ -428,7 +428,7 @@ class StreamEngine(SystemComponent):
             status = {name: (kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated) & ~control.refuse
                       for name, operand in graph.status.items()} | {REFUSED: control.refuse, RESTARTED: restart}
             shown.append(getattr(self, self._system.status_port).eq(
-                Cat(status[name] for name in self.status_names)))
+                Cat(status.get(name, C(0)) for name in self.status_names)))
         with m.If(control.commit):
             m.d.sync += shown
         for port, node in graph.outputs.items():

@@ -13,7 +13,10 @@ from .pool import Pool
 from .refusals import Refusals
 from .trace import Tracer
 
-__all__ = ["System", "leaves", "matrix", "vector"]
+__all__ = ["IGNORED", "REFUSED", "RESTARTED", "System", "leaves", "matrix", "vector"]
+
+ENGINE_BITS = REFUSED, IGNORED, RESTARTED = "refused", "ignored", "restarted"
+"""Status bits of the engines."""
 
 REFUSALS = "refusals in a row"
 """Name of the count of refusals beside the state; no port or word can have it."""
@@ -102,8 +105,9 @@ class System:
         Port of the status bits. A system with a status port refuses an update in which a number is
         not finite. Empty: NaN and infinity propagate to the outputs.
     status_order : tuple of str
-        Names of all bits of the status port, lowest first; a bit that the engine does not have is left out. Empty: the
-        bits of the engine, in its order.
+        Names of all bits of the status port, lowest first. A bit of `ENGINE_BITS` that the engine does not have is left
+        out; a bit that is neither the engine's nor the system's stays low, for another circuit. Empty: the bits of the
+        engine, in its order.
     restart_after : int
         Number of updates, refused in a row although every input was finite, after which the state starts again from its
         reset values. Outputs hold until the next update that is not refused. 0: never.
@@ -140,7 +144,7 @@ class System:
         if self.restart_after and not (self.state and self.status_port):
             raise ValueError(f"restart_after must be 0, not {self.restart_after!r}: {self.name} has no state, or no "
                              "status port and so no refused updates")
-        if missing := [name for name in (*self.status, "refused", "ignored")
+        if missing := [name for name in (*self.status, REFUSED, IGNORED)
                        if self.status_order and name not in self.status_order]:
             raise ValueError(f"status_order must name {missing[0]!r}, which is a status bit")
         for port, bits in self.integers.items():
@@ -183,7 +187,7 @@ class System:
 
     def ordered_status(self, bits):
         """Status bits of an engine, in the order of ``status_order``."""
-        return tuple(name for name in self.status_order or bits if name in bits)
+        return tuple(name for name in self.status_order or bits if name in bits or name not in ENGINE_BITS)
 
     def input_width(self, port, format):
         """Bits of an input port of an engine for numbers of a format."""
