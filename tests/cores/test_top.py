@@ -64,7 +64,8 @@ def test_a_wrapper_runs(example, make_core, models, tmp_path, module, config):
     cycles = np.arange(taken[1] + engine.latency + 10)
     rng = np.random.default_rng(7)
     stimulus = {start: ((cycles[:, None] >= taken).sum(1) % 2 if added else np.isin(cycles, taken))}
-    numbers = {port: np.float32(rng.standard_normal(2)) for port in system.input_ports}
+    # Positive numbers set no status bit.
+    numbers = {port: np.float32(np.abs(rng.standard_normal(2))) for port in system.input_ports}
     numbers[system.input_ports[0]][1] = np.nan
     for port, values in numbers.items():
         stimulus[port] = np.zeros(len(cycles), dtype=np.uint64)

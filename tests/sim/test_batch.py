@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from strapdown.cli import main
-from strapdown.cli.batch import _configuration
+from strapdown.cli.common import configuration
 from strapdown.cores import MAHONY, make_core
 from strapdown.export import write_core
 from strapdown_sim import batch, replay
@@ -297,7 +297,7 @@ def test_one_model_for_two_rates(tmp_path, models):
         (tmp_path / f"{rate}.csv").write_text(table(*UNITS, rate=rate), encoding="utf-8")
     with workers(1) as pool:
         found = replay_batch(find_logs([str(tmp_path / "*.csv")], tmp_path / "out").logs,
-                             partial(_configuration, "mahony", ()), tmp_path / "out", choice=Choice({}, {}),
+                             partial(configuration, "mahony", ()), tmp_path / "out", choice=Choice({}, {}),
                              build=tmp_path / "build", command=(), pool=pool)
     assert [row["bits_differing"] for row in found.rows] == [0, 0]
     assert len([path for path in (tmp_path / "build").iterdir() if path.is_dir() and path.name != "runtime"]) == 1
