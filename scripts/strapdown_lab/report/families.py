@@ -16,7 +16,7 @@ from strapdown_sim.jobs import outcome, submit_cached, workers
 from .cores import UNPLACED
 from .measure import core_circuit, cycles_of
 
-__all__ = ["UNMEASURED", "Variant", "circuit", "family_lines", "family_table", "measure_families", "variants"]
+__all__ = ["Variant", "circuit", "family_lines", "family_table", "measure_families", "variants"]
 
 
 @dataclass(frozen=True)
@@ -31,15 +31,9 @@ class Variant:
         return [family for family in chosen if not (self.in_block and family.lut_ram)]
 
 
-UNMEASURED = {"optical_tcd1304", "optical_s11639", "optical_erected"}
-"""Configurations that the table does not hold yet."""
-
-
 def variants() -> Iterator[Variant]:
     """The variants of the named configurations; those whose operand memory is not in block RAM have two."""
     for config in CONFIGS.values():
-        if config.name in UNMEASURED:
-            continue
         yield Variant(config)
         if config.engine_pool.operand_memory is not MemoryStyle.BLOCK:
             yield Variant(config.replace(operand_memory="block", side_memory="none"), in_block=True)
