@@ -80,7 +80,7 @@ def test_channels_equal_the_twin(make_bus, tmp_path):
 @pytest.mark.ip
 def test_gains_at_run_time(make_bus, tmp_path):
     """Gains that are parameters, with other values than those of the configuration, equal those of the twin."""
-    gains = {"acceleration_time": 2.75, "magnetometer_gain": 0.125}
+    gains = {"field_tolerance": 0.25, "magnetometer_gain": 0.125}
     top, model = make_bus(FLIGHT.replace(inputs=tuple(gains)))
     component, rng = top.component, np.random.default_rng(16)
     parameters = [word.port for word in component.table.parameters]
