@@ -310,6 +310,21 @@ def operator_index_blocks():
     return {"operators": index_table(), "flags": flags_table()}
 
 
+STUDIES = (
+    ("families", "docs/families.md", family_blocks),
+    ("accuracy", "docs/flight.md", accuracy_blocks),
+    ("accuracy", "README.md", lambda: {"flight accuracy": flight_line()}),
+    ("airliner", "docs/sins.md", lambda: {"airliner": airliner_block()}),
+    ("optical", "docs/optical.md", optical_blocks),
+    ("optical_pins", "docs/optical.md", optical_pin_blocks),
+    ("flight_parts", "docs/flight.md", lambda: {"parts": parts_block()}),
+    ("flight_options", "docs/flight.md", lambda: {"options": options_block()}),
+    ("flight_cases", "docs/flight.md", lambda: {"cases": cases_block()}),
+    ("flight_cross", "docs/flight.md", cross_blocks),
+    ("flight_magnet", "docs/flight.md", magnet_blocks))
+"""Name of a file of docs/report, a page, and what makes the page's blocks of that file."""
+
+
 def main():
     """Update README.md and docs/attitude.png from build/demo, docs/operators, and other pages from docs/report."""
     summary = json.loads((ROOT / "build" / "demo" / "summary.json").read_text(encoding="utf-8"))
@@ -338,27 +353,9 @@ def main():
         list(write_guides(ROOT / "docs" / "guides"))
     if (figures / "operators.json").exists() and (figures / "cores.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())
-    if (figures / "families.json").exists():
-        write_blocks(ROOT / "docs" / "families.md", family_blocks())
-    if (figures / "accuracy.json").exists():
-        write_blocks(ROOT / "docs" / "flight.md", accuracy_blocks())
-        write_blocks(ROOT / "README.md", {"flight accuracy": flight_line()})
-    if (figures / "airliner.json").exists():
-        write_blocks(ROOT / "docs" / "sins.md", {"airliner": airliner_block()})
-    if (figures / "optical.json").exists():
-        write_blocks(ROOT / "docs" / "optical.md", optical_blocks())
-    if (figures / "optical_pins.json").exists():
-        write_blocks(ROOT / "docs" / "optical.md", optical_pin_blocks())
-    if (figures / "flight_parts.json").exists():
-        write_blocks(ROOT / "docs" / "flight.md", {"parts": parts_block()})
-    if (figures / "flight_options.json").exists():
-        write_blocks(ROOT / "docs" / "flight.md", {"options": options_block()})
-    if (figures / "flight_cases.json").exists():
-        write_blocks(ROOT / "docs" / "flight.md", {"cases": cases_block()})
-    if (figures / "flight_cross.json").exists():
-        write_blocks(ROOT / "docs" / "flight.md", cross_blocks())
-    if (figures / "flight_magnet.json").exists():
-        write_blocks(ROOT / "docs" / "flight.md", magnet_blocks())
+    for name, page, blocks in STUDIES:
+        if (figures / f"{name}.json").exists():
+            write_blocks(ROOT / page, blocks())
 
 
 if __name__ == "__main__":
