@@ -11,7 +11,16 @@ from strapdown.cores.core import Core
 from strapdown.export import write
 from strapdown.fp import BINARY32, BINARY64, Subnormals
 from strapdown.kernel import operators
-from strapdown.kernel.operators import Comparator, Converter, Extremes, Operator, ReciprocalRoot, SineCosine
+from strapdown.kernel.operators import (
+    Comparator,
+    Converter,
+    Extremes,
+    Operator,
+    ReciprocalRoot,
+    SineCosine,
+    TableArctangent,
+    TableReciprocal,
+)
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.stream import StreamEngine
 from strapdown.kernel.system import System
@@ -83,6 +92,38 @@ def test_the_circuit_is_the_twin_in_every_bit(models, tmp_path, pool):
     assert model.differing_bits(inputs, result) == 0
     kept, _ = SYSTEM.run(pool, inputs)
     assert all((kept[port].view(np.uint32) == result[port].view(np.uint32)).all() for port in SYSTEM.output_ports)
+
+
+def table_equations(xp, a, b):
+    """Both modes of the reciprocals, and the angles of all octants."""
+    return Update({"reciprocal": xp.reciprocal(b), "root": xp.rsqrt(a), "angle": xp.atan2_degrees(b, a - 100)})
+
+
+TABLES = System(
+    "TABLES", "operators by tables", table_equations, sections=("ONLY",), start="in_en", finish="out_finish",
+    inputs={"a": "in_a", "b": "in_b"}, outputs={name: f"out_{name}" for name in ("reciprocal", "root", "angle")})
+TABLE_POOL = Pool().with_operators(TableReciprocal(), TableArctangent())
+
+
+def test_the_twins_of_tables_are_float64_within_their_bounds():
+    inputs = {port: POOL.format.array(values).astype(float) for port, values in stimulus(5).items() if port in ("in_a", "in_b")}
+    exact, twin = TABLES.update_float64(inputs), TABLES.update_twin(TABLE_POOL, inputs)
+    relative = {"out_reciprocal": 0.88, "out_root": 0.88, "out_angle": 1.8 + 0.5}
+    for port, ulps in relative.items():
+        assert (np.abs(twin[port] - exact[port]) <= ulps * np.spacing(np.abs(exact[port]).astype(np.float32))).all(), port
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("pool", [TABLE_POOL, replace(TABLE_POOL, forwarding=False, operand_memory=MemoryStyle.BLOCK)],
+                         ids=["default", "block memory"])
+def test_the_circuit_with_tables_is_the_twin_in_every_bit(models, tmp_path, pool):
+    core = Core(TABLES, pool)
+    model = CoreModel(core, write(core, tmp_path, command=""), models)
+    inputs = {port: values for port, values in stimulus(6).items() if port in ("in_a", "in_b")}
+    inputs["in_a"][:4], inputs["in_b"][:6] = (0.0, -1.0, np.inf, np.nan), (0.0, -0.0, np.inf, -np.inf, np.nan, 1e-40)
+    result = model.update(inputs)
+    assert set(result["cycles"]) == {core.latency}
+    assert model.differing_bits(inputs, result) == 0
 
 
 @pytest.mark.verilator

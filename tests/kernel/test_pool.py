@@ -15,6 +15,8 @@ from strapdown.kernel.operators import (
     Operator,
     ReciprocalRoot,
     Selector,
+    TableArctangent,
+    TableReciprocal,
 )
 from strapdown.kernel.pool import RESERVED, MemoryStyle, Pool
 
@@ -28,7 +30,8 @@ def test_every_operation_of_a_kernel_has_its_units():
     assert "atan2" not in Pool(operators=(Adder(), Multiplier(), Divider(), Selector())).operations
 
 
-@pytest.mark.parametrize("operator", [Adder, Multiplier, Divider, Arctangent, Extremes, ReciprocalRoot])
+@pytest.mark.parametrize("operator", [Adder, Multiplier, Divider, Arctangent, Extremes, ReciprocalRoot, TableReciprocal,
+                                      TableArctangent])
 def test_counts_are_checked(operator):
     with pytest.raises(ValueError, match=f"^count of {operator.name} must be at least 1, not 0$"):
         operator(count=0)
@@ -36,7 +39,8 @@ def test_counts_are_checked(operator):
 
 @pytest.mark.parametrize(("operator", "parameter"), [
     (Adder, "latency"), (Multiplier, "latency"), (Divider, "bits_per_cycle"), (Arctangent, "steps_per_cycle"),
-    (Extremes, "latency"), (ReciprocalRoot, "bits_per_cycle")])
+    (Extremes, "latency"), (ReciprocalRoot, "bits_per_cycle"),
+    (TableReciprocal, "latency"), (TableArctangent, "latency")])
 def test_parameters_that_an_operator_refuses_are_refused(operator, parameter):
     with pytest.raises(ValueError, match="must be"):
         Pool().with_operators(operator(**{parameter: 0}))
@@ -195,7 +199,14 @@ def test_a_class_can_be_defined_again():
     assert OPERATIONS["again"] is new.operations[0]
     assert "gone" not in OPERATIONS
     with pytest.raises(ValueError, match=r"^Other must not define again: another operator already defines it$"):
-        type("Other", (Operator,), {"operations": (Operation("again", twin=None, float64=None),)})
+        type("Other", (Operator,), {"operations": (Operation("again", twin=None, float64=np.add),)})
+
+
+def test_operators_may_offer_the_same_operation():
+    assert ReciprocalRoot.operations[0] == TableReciprocal.operations[1]
+    assert OPERATIONS["rsqrt"] is ReciprocalRoot.operations[0]
+    with pytest.raises(ValueError, match=r"^operators must offer rsqrt once: reciprocal_root and table_reciprocal do$"):
+        Pool().with_operators(ReciprocalRoot(), TableReciprocal())
 
 
 def test_an_operation_is_defined_once():

@@ -8,11 +8,16 @@ from strapdown.kernel.numeric import Float64, Twin
 from strapdown.kernel.operators import (
     FUNCTIONS,
     OPERATIONS,
+    Adder,
     Comparator,
+    Divider,
     Extremes,
+    Multiplier,
     Operation,
     Operator,
     ReciprocalRoot,
+    Selector,
+    TableReciprocal,
 )
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.trace import Tracer
@@ -118,4 +123,32 @@ def test_an_operation_of_the_pool_takes_the_place_of_its_fallback():
         return xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(result)}).count()
 
     assert count() == {"add": 2, "select": 2, "sqrt": 1, "divide": 1}
-    assert count(Comparator(), Extremes(), ReciprocalRoot()) == {"less": 1, "maximum": 1, "rsqrt": 1, "select": 1}
+    assert count(Comparator(), Extremes(), TableReciprocal()) == count(Comparator(), Extremes(), ReciprocalRoot()) == {"less": 1, "maximum": 1, "rsqrt": 1, "select": 1}
+
+
+def test_a_quotient_is_a_product_with_a_reciprocal_or_the_other_way_round():
+    def count(operator):
+        xp = Tracer(Pool(operators=(Adder(), Multiplier(), operator, Selector())), ("ONLY",))
+        x, y = xp.source("input", "x"), xp.source("input", "y")
+        return xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(x / y), "b": xp.settled(xp.reciprocal(y))}).count()
+
+    assert count(TableReciprocal()) == {"multiply": 1, "reciprocal": 1}
+    assert count(Divider()) == {"divide": 2}
+
+
+@pytest.mark.parametrize(("compute", "missing"), [
+    (lambda xp, x: 1 / x, "divide"), (lambda xp, x: xp.reciprocal(x), "reciprocal"), (lambda xp, x: xp.sqrt(x), "sqrt"),
+    (lambda xp, x: xp.rsqrt(x), "rsqrt")])
+def test_a_pool_without_divider_and_table_cannot_divide(compute, missing):
+    xp = Twin(Pool(operators=(Adder(), Multiplier(), Selector())))
+    for _ in range(2):
+        with pytest.raises(ValueError, match=f"^the pool has no operator for {missing}: add one to its operators$"):
+            compute(xp, xp.lift(3.0))
+
+
+def test_an_angle_in_degrees_is_a_product_without_its_operator():
+    xp = Tracer(Pool(), ("ONLY",))
+    x, y = xp.source("input", "x"), xp.source("input", "y")
+    graph = xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(xp.atan2_degrees(y, x))})
+    assert graph.count() == {"atan2": 1, "multiply": 1}
+    assert Float64().atan2_degrees(1.0, -1.0) == 135

@@ -3,18 +3,36 @@
 Frames: b body, n navigation (x magnetic north, y west, z up). ``c`` is C_n^b (navigation to
 body) as rows, ``q`` the body-to-navigation quaternion, scalar first. Vectors are body
 components. ``a`` and ``m`` may have any unit, ``g`` is in deg/s, angles come out in degrees.
+
+The functions up to ``euler_angles`` are the equations of the thesis, one for each of its modules. ``attitude_update``
+computes all of them in another order, in which less waits for a root, a division or an angle; its functions precede it.
 """
 
 import math
 from typing import NamedTuple
 
-from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, permute, scale, transposed_vector
+from .vector import (
+    SHORTEST_SQUARE,
+    add,
+    column,
+    cross,
+    dot,
+    length_squared,
+    permute,
+    scale,
+    subtract,
+    transposed_vector,
+)
 
 __all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains",
-           "quaternion_update", "matrix_from_quaternion", "scaled_matrix", "euler_angles", "matrix_angles",
-           "attitude_update"]
+           "quaternion_update", "matrix_from_quaternion", "euler_angles", "matrix_angles", "corrections", "turn",
+           "pair_products", "pair_angles", "attitude_update"]
 
 DEGREES = 180 / math.pi
+
+SHORTEST = 2.0**-50
+"""Added to A and B in products: a pair (A, D1) or (B, D2) of zeros has the direction (1, 0). The square is
+``SHORTEST_SQUARE``."""
 
 
 class Update(NamedTuple):
@@ -25,30 +43,37 @@ class Update(NamedTuple):
     status: dict | None = None
 
 
-def accelerometer_error(xp, a, v, gain=1):
+def root(xp, a):
+    """Square root of a number of 0 or more, without a square root operator; less than 2**-75 is treated as too small.
+
+    The relative error is that of ``xp.rsqrt`` and of a product. The root of 0 is 0.
+    """
+    return a * xp.rsqrt(a + SHORTEST_SQUARE)
+
+
+def accelerometer_error(xp, a, v):
     """e_a = a/|a| × v with v = C·(0, 0, 1) = (c13, c23, c33): INS_acc, eq. 2.26 and 2.30.
 
-    Returns (gain·e_a, true if ``a`` has no length, true if the angle from a to v is more than 90°). The vector
-    product does not wait for the root and the division, which run at the same time. The gain is the dividend and
-    needs no additional operation.
+    A vector without length gives zero. The vector product does not wait for the root.
     """
-    square, missing = length_squared(a)
-    return scale(gain / xp.sqrt(square), cross(a, v)), missing, a[2] * v[2] < -(a[0] * v[0] + a[1] * v[1])
+    square, _ = length_squared(a)
+    return scale(xp.rsqrt(square), cross(a, v))
 
 
-def magnetometer_error(xp, m, c, axes, gain=1):
+def magnetometer_error(xp, m, c, axes):
     """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27 to 2.30.
 
     ``m`` is in sensor axes; ``axes`` maps them to body axes. w is proportional to |m|, so e_m is computed
     from the field as measured and divided once by |m|², without a root. By the columns of C,
     m × w = bx·(m × c1) + hz·(m × c3): all values but bx are ready before the root of bx is.
-    Returns (gain·e_m, true if ``m`` has no length, true if the angle from h to north is more than 90°: hx < 0).
+    A vector without length gives zero.
     """
     m = permute(axes, m)
-    square, missing = length_squared(m)
+    square, _ = length_squared(m)
     h = transposed_vector(c, m)
-    north, up = (scale(gain / square, cross(m, column(c, axis))) for axis in (0, 2))
-    return add(scale(xp.sqrt(dot(h[:2], h[:2])), north), scale(h[2], up)), missing, h[0] < 0.0
+    reciprocal = xp.reciprocal(square)
+    north, up = (scale(reciprocal, cross(m, column(c, axis))) for axis in (0, 2))
+    return add(scale(root(xp, dot(h[:2], h[:2])), north), scale(h[2], up))
 
 
 def rate_correction(g, e_a, e_m, i, unit, integral_share):
@@ -63,7 +88,7 @@ def rate_correction(g, e_a, e_m, i, unit, integral_share):
     return omega, add(i, scale(integral_share, add(e_a, e_m)))
 
 
-def correction_gains(kp, ki, period):
+def correction_gains(xp, kp, ki, period):
     """The gain Kp + Ki·T of ``rate_correction``, and the fraction Ki·T of it, zero if the gain is zero.
 
     Both gains are 0 or more. If they are not constants, ``SHORTEST_SQUARE`` is added to the divisor, as in
@@ -73,7 +98,7 @@ def correction_gains(kp, ki, period):
     gain = kp + integral
     if isinstance(gain, float | int):
         return gain, integral / gain if gain else 0.0
-    return gain, integral / (gain + SHORTEST_SQUARE)
+    return gain, integral * xp.reciprocal(gain + SHORTEST_SQUARE)
 
 
 def quaternion_step(q, half_turn):
@@ -101,19 +126,6 @@ def matrix_from_quaternion(xp, q):
             (d1 * q3 + d0 * q2, d2 * q3 - d0 * q1, 1 - (d1 * q1 + d2 * q2)))
 
 
-def scaled_matrix(q):
-    """|q|²·C as rows, and |q|², from q of any length: eq. 2.34 in its homogeneous form."""
-    q0, q1, q2, q3 = q
-    s0, s1, s2, s3 = (x * x for x in q)
-
-    def twice(x):
-        return x + x
-
-    return (((s0 + s1) - (s2 + s3), twice(q1 * q2 + q0 * q3), twice(q1 * q3 - q0 * q2)),
-            (twice(q1 * q2 - q0 * q3), (s0 - s1) + (s2 - s3), twice(q2 * q3 + q0 * q1)),
-            (twice(q1 * q3 + q0 * q2), twice(q2 * q3 - q0 * q1), (s0 - s1) - (s2 - s3))), (s0 + s1) + (s2 + s3)
-
-
 def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
     """Pitch, roll and yaw (Z-Y-X) in degrees from elements of C_n^b: INS_euler, table 5-6.
 
@@ -123,10 +135,10 @@ def euler_angles(xp, c11, c12, c13, cosine, c23, c33):
 
     Near a pitch of ±90° c11 and c12 are small differences, and the yaw is lost; ``matrix_angles`` keeps it.
     """
-    pitch = DEGREES * xp.atan2(-c13, cosine)
-    yaw = DEGREES * xp.atan2(c12, c11)
+    pitch = xp.atan2_degrees(-c13, cosine)
+    yaw = xp.atan2_degrees(c12, c11)
     yaw = xp.select(yaw + 2.0**-15 < 0.0, yaw + 360, xp.maximum(yaw, 0.0))
-    roll = DEGREES * xp.atan2(c23, c33)
+    roll = xp.atan2_degrees(c23, c33)
     return pitch, roll, yaw
 
 
@@ -147,11 +159,91 @@ def matrix_angles(xp, c):
     return pitch, xp.select(pole, 0.0, roll), yaw
 
 
-def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
+def corrections(xp, a, m, c, gain, *, fewest):
+    """Both error vectors times ``gain``, e_a·gain and e_m·gain, as a sum that is ready early and a summand that is not.
+
+    e_a + e_m = a/|a| × c3 + hz/|m|² · m × c3 + bx/|m|² · m × c1, with hz = m·c3 and bx² = |m|² − hz², because the
+    columns c1 and c3 of C are unit vectors; only the last term waits for bx. Rounding may make the difference of a
+    vertical field negative, so bx² is ``SHORTEST_SQUARE`` or more. bx = bx²/sqrt(bx²), and the root is the last factor.
+    ``m`` is in body axes. With ``fewest``, the first two terms are one vector product: fewer products, but they wait
+    for 1/|a| and 1/|m|².
+    """
+    square_a, accelerometer_missing = length_squared(a)
+    square_m, magnetometer_missing = length_squared(m)
+    c1, c3 = column(c, 0), column(c, 2)
+    hz = dot(m, c3)
+    bx_squared = xp.maximum(square_m - hz * hz, SHORTEST_SQUARE)
+    by_a, by_m, by_bx = gain * xp.rsqrt(square_a), gain * xp.reciprocal(square_m), xp.rsqrt(bx_squared)
+    north = cross(m, c1)
+    if fewest:
+        early = cross(add(scale(by_a, a), scale(hz * by_m, m)), c3)
+        late = scale(by_bx * (by_m * bx_squared), north)
+    else:
+        early = add(scale(by_a, cross(a, c3)), scale(hz * by_m, cross(m, c3)))
+        late = scale(by_bx, scale(by_m * bx_squared, north))
+    return early, late, {"accelerometer_missing": accelerometer_missing, "magnetometer_missing": magnetometer_missing,
+                         "tilt_reversed": obtuse(a, c3), "heading_reversed": obtuse(m, c1)}
+
+
+def obtuse(a, b):
+    """True if the angle between two vectors of three components is more than 90°."""
+    return a[2] * b[2] < -(a[0] * b[0] + a[1] * b[1])
+
+
+def turn(s, half_turn):
+    """s + s⊗(0, half_turn) for s = (A, B, D1, D2), not normalised: eq. 2.42.
+
+    (A, D1, B, -D2) is a quaternion too: q times a constant one. Its step is that of q.
+    """
+    (a, b, d1, d2), (x, y, z) = s, half_turn
+    return ((a - x * d1) + (z * d2 - y * b),
+            (b - x * d2) + (y * a - z * d1),
+            (d1 + x * a) + (y * d2 + z * b),
+            (d2 + x * b) - (y * d1 + z * a))
+
+
+def pair_products(s, *, unit):
+    """Elements of C with a factor, as rows, u = B² + D2² and v = A² + D1²: eq. 2.34 for s = (A, B, D1, D2).
+
+    c13, c22 and c31 are (u + v) times the elements of C, the others (u + v)/2 times: no product is doubled. With
+    ``unit``, u + v is 1, and the rows are C.
+    """
+    a, b, d1, d2 = s
+    aa, bb, dd1, dd2 = (x * x for x in s)
+    u, v = bb + (dd2 + SHORTEST_SQUARE), aa + (dd1 + SHORTEST_SQUARE)
+    first, second = bb - dd2, aa - dd1
+    c13, c22, c31 = v - u, first + second, first - second
+    # A pair of zeros has a direction.
+    a, b = a + SHORTEST, b + SHORTEST
+    twice_a, twice_b, twice_d1 = (x + x if unit else x for x in (a, b, d1))
+    ab, bd1, dd = twice_a * b, twice_d1 * b, twice_d1 * d2
+    ad1, ad2, bd2 = twice_a * d1, twice_a * d2, twice_b * d2
+    return ((ab + dd, bd1 - ad2, c13), (bd2 - ad1, c22, bd1 + ad2), (c31, -(bd2 + ad1), ab - dd)), u, v
+
+
+def pair_angles(xp, c, u, v):
+    """Pitch, roll and yaw (Z-Y-X) in degrees from ``pair_products``: they give C back at any pitch.
+
+    yaw = arg(A + i·D1) − arg(B + i·D2) and roll = arg(A + i·D1) + arg(B + i·D2) are the arguments of the products
+    c11 + i·c12 and c33 + i·c23 of these pairs. One pair vanishes at a pitch of ±90°, but its direction keeps all its
+    digits. The cosine of the pitch is sqrt(u·v)·2/(u + v); u and v are more than zero.
+    """
+    (c11, c12, c13), (_, _, c23), (_, _, c33) = c
+    square = u * v
+    return euler_angles(xp, c11, c12, 0.5 * c13, square * xp.rsqrt(square), c23, c33)
+
+
+def attitude_update(xp, a, m, g, s, c, i, square=None, *, axes, period, kp, ki):
     """One update of INS_top; the stages are in the order of the thesis's state machine.
 
-    The angles do not wait for the normalisation of the next quaternion: they need only the directions in |q|²·C.
-    All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one period.
+    The attitude is s = (A, B, D1, D2) = (q0 − q2, q0 + q2, q1 + q3, q1 − q3), times any factor. With these sums the
+    elements of C are sums of two products or of squares. The angles need their directions only, and do not wait for
+    the length of s. All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one
+    period.
+
+    With ``square`` = u + v, the square of the length of s, the update consists of fewer operations, but more of them
+    wait for others: s is normalised before C is computed from it, by 1/sqrt(square·(1 + |half turn|²)), because
+    s⊗(0, half turn) is perpendicular to s. Rounding does not accumulate: ``square`` is computed anew.
 
     The error e_a + e_m is zero at wrong attitudes too, its false equilibria; ``tilt_reversed`` or ``heading_reversed``
     is true at each of them. In navigation axes, with a_n = Cᵀ·a/|a| and h = Cᵀ·m/|m|, the error is
@@ -159,24 +251,31 @@ def attitude_update(xp, a, m, g, q, c, i, *, axes, period, kp, ki):
     With hx = bx the attitude is right, or a_n = (0, 0, −1): upside down. With hx = −bx north is behind, and the pitch
     is wrong by asin(2·hz·bx).
     """
+    fewest = square is not None
     with xp.section("ACC_MAG"):
-        gain, integral_share = correction_gains(kp, ki, period)
+        gain, integral_share = correction_gains(xp, kp, ki, period)
         gain *= period / 2
-        e_a, accelerometer_missing, tilt_reversed = accelerometer_error(xp, a, column(c, 2), gain)
-        e_m, magnetometer_missing, heading_reversed = magnetometer_error(xp, m, c, axes, gain)
+        early, late, status = corrections(xp, a, permute(axes, m), c, gain, fewest=fewest)
     with xp.section("GYRO"):
-        half_turn, i = rate_correction(g, e_a, e_m, i, period / 2 / DEGREES, integral_share)
+        uncorrected = add(scale(period / 2 / DEGREES, g), i)
+        half_turn = add(add(uncorrected, early), late)
+        i = add(i, scale(integral_share, add(early, late)))
     with xp.section("QUAT"):
-        q = quaternion_step(q, half_turn)
+        s = turn(s, half_turn)
+        if fewest:
+            s = scale(xp.rsqrt(square + square * dot(half_turn, half_turn)), s)
     with xp.section("MATX"):
-        s, square = scaled_matrix(q)
-        reciprocal = 1 / square
-        q = scale(xp.sqrt(reciprocal), q)
-        c = tuple(scale(reciprocal, row) for row in s)
+        products, u, v = pair_products(s, unit=fewest)
+        square = u + v
+        if fewest:
+            c = products
+        else:
+            once = xp.reciprocal(square)
+            twice = once + once
+            c = tuple(tuple((once if row + index == 2 else twice) * element for index, element in enumerate(elements))
+                      for row, elements in enumerate(products))
+            s = scale(xp.rsqrt(square), s)
     with xp.section("EULER"):
-        angles = matrix_angles(xp, s)
-    return Update(
-        outputs={"c": c, "angles": angles},
-        state={"q": q, "c": c, "i": i},
-        status={"accelerometer_missing": accelerometer_missing, "magnetometer_missing": magnetometer_missing,
-                "tilt_reversed": tilt_reversed, "heading_reversed": heading_reversed})
+        angles = pair_angles(xp, products, u, v)
+    return Update(outputs={"c": c, "angles": angles},
+                  state={"s": s, "c": c, "i": i} | ({"square": square} if fewest else {}), status=status)

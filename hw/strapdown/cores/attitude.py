@@ -8,7 +8,7 @@ from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
 from strapdown.algorithms.vector import scale
 from strapdown.config import Axes, TunableConfig
-from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
+from strapdown.kernel.operators import Adder, Arctangent, Extremes, Multiplier, Selector, TableArctangent, TableReciprocal
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.system import System, matrix, vector
 
@@ -49,6 +49,7 @@ MEANINGS = {
     "v": "third column of C: the vertical in body axes",
     "c": "C = C_n^b, navigation (north, west, up) to body",
     "q": "quaternion, body to navigation, scalar first",
+    "s": "q0 - q2, q0 + q2, q1 + q3, q1 - q3 of the quaternion, times any factor",
     "e_a": "error of the vertical, body axes, sine of the angle",
     "e_m": "error against the horizontal field, body axes",
     "i": "integral of the error, body axes, rad/s",
@@ -63,15 +64,14 @@ MEANINGS = {
 LIMIT = {"angles": "degrees; yaw in [0, 360), its error about 1e-5 degrees/cos(pitch): lost at a pitch of 90 degrees"}
 """Meaning of the angles of INS_euler. It does not get the elements of C that keep the yaw near a pitch of ±90°."""
 
-KERNELS = (attitude.accelerometer_error, attitude.magnetometer_error, attitude.rate_correction,
-           attitude.quaternion_update, attitude.matrix_from_quaternion, attitude.euler_angles, attitude.matrix_angles)
+KERNELS = (attitude.attitude_update, attitude.corrections, attitude.turn, attitude.pair_products,
+           attitude.pair_angles, attitude.euler_angles)
 
 
 def ins_acc(config):
     """System of INS_acc."""
     def equations(xp, a, v):
-        e_a, _, _ = attitude.accelerometer_error(xp, a, v)
-        return Update({"e_a": e_a})
+        return Update({"e_a": attitude.accelerometer_error(xp, a, v)})
 
     return System(
         "INS_acc", "error of the vertical, from the accelerometer", equations,
@@ -84,8 +84,7 @@ def ins_acc(config):
 def ins_mag(config):
     """System of INS_mag."""
     def equations(xp, m, c):
-        e_m, _, _ = attitude.magnetometer_error(xp, m, c, config.magnetometer_axes)
-        return Update({"e_m": e_m})
+        return Update({"e_m": attitude.magnetometer_error(xp, m, c, config.magnetometer_axes)})
 
     return System(
         "INS_mag", "error against the horizontal field, from the magnetometer", equations,
@@ -98,7 +97,7 @@ def ins_mag(config):
 def ins_gyro(config):
     """System of INS_gyro."""
     def equations(xp, g, e_a, e_m, i, **gains):
-        gain, integral_share = attitude.correction_gains(**config.gains | gains, period=config.period_s)
+        gain, integral_share = attitude.correction_gains(xp, **config.gains | gains, period=config.period_s)
         omega, i = attitude.rate_correction(
             g, scale(gain, e_a), scale(gain, e_m), i, 1 / attitude.DEGREES, integral_share)
         return Update({"i": i, "omega": omega})
@@ -142,7 +141,7 @@ def ins_euler(config):
     def equations(xp, c):
         c11, c12, c13, c23, c33 = c
         # Limited to zero or above: rounding may make c13 greater than one.
-        cosine = xp.sqrt(xp.maximum(1 - c13 * c13, 0.0))
+        cosine = attitude.root(xp, xp.maximum(1 - c13 * c13, 0.0))
         return Update({"angles": attitude.euler_angles(xp, c11, c12, c13, cosine, c23, c33)})
 
     return System(
@@ -166,11 +165,12 @@ def ins_atan(config):
 
 
 def ins_top(config):
-    """System of INS_top."""
+    """System of INS_top: for several channels, the form of the update with the fewest operations."""
     def equations(xp, **arguments):
         return attitude.attitude_update(xp, axes=config.magnetometer_axes, period=config.period_s,
                                         **config.gains | arguments)
 
+    square = {"square": "square"} if config.channels > 1 else {}
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
         kernels=KERNELS, meanings=MEANINGS | config.input_meanings,
@@ -178,8 +178,8 @@ def ins_top(config):
         start="in_data_en", finish="out_INS_finish",
         inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}"), **config.gain_ports},
         outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw"))},
-        state={"q": vector("q{}", "0123"), "c": matrix("c{}"), "i": vector("i{}")},
-        reset=dict.fromkeys(("q0", "c11", "c22", "c33"), 1.0),
+        state={"s": vector("s{}", ("a", "b", "d1", "d2")), "c": matrix("c{}"), "i": vector("i{}"), **square},
+        reset=dict.fromkeys(("sa", "sb", "c11", "c22", "c33"), 1.0) | dict.fromkeys(square, 2.0),
         status=("accelerometer_missing", "magnetometer_missing", "tilt_reversed", "heading_reversed"),
         status_port="out_status",
         status_order=("accelerometer_missing", "magnetometer_missing", "refused", "ignored", "restarted",
@@ -191,33 +191,33 @@ ATTITUDE_CORES = {"INS_acc": ins_acc, "INS_mag": ins_mag, "INS_gyro": ins_gyro, 
 """Maps each module name to the function that makes its System for an AttitudeConfig."""
 
 
+TABLES = TableReciprocal(), TableArctangent(), Selector()
+
 THESIS = AttitudeConfig(
     name="thesis",
     description="the 2015 thesis: 500 Hz, Kp 10, Ki·T 0.001, magnetometer turned by 90 degrees",
-    sample_rate_hz=500, kp=10, ki=0.5, magnetometer_axes=("+y", "-x", "+z"))
+    sample_rate_hz=500, kp=10, ki=0.5, magnetometer_axes=("+y", "-x", "+z"),
+    # Only INS_atan, whose angle is in radians, has the other arctangent.
+    pool=Pool(operators=(Adder(), Multiplier(), *TABLES, Arctangent())))
 
 THESIS_COMPACT = THESIS.replace(
     name="thesis_compact", description="the same, small: one operation after another, atan2 without an operator",
-    pool=Pool(operators=(Adder(), Multiplier(), Divider(), Selector()),
+    pool=Pool(operators=(Adder(), Multiplier(), TableReciprocal(), Selector()),
               forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False))
 
 THESIS_FAST = THESIS.replace(
     name="thesis_fast", description="the same, fast: several operators of each kind",
-    pool=Pool(operators=(Adder(count=2, latency=4), Multiplier(count=3), Divider(count=2, bits_per_cycle=2),
-                         Arctangent(count=3), Selector()),
-              side_memory=True))
+    pool=Pool(operators=(Adder(count=2), Multiplier(count=2), Extremes(), *TABLES, Arctangent()), side_memory=True))
 
-MAHONY = AttitudeConfig(
+MAHONY = THESIS.replace(
     name="mahony",
     description="the same filter with Kp 0.5, Ki 0, all sensors along the body axes, any sample rate",
-    sample_rate_hz=500, kp=0.5, ki=0, magnetometer_axes=("+x", "+y", "+z"))
+    kp=0.5, ki=0, magnetometer_axes=("+x", "+y", "+z"))
 
 THESIS_X8 = THESIS.replace(
     name="thesis_x8", description="eight IMUs on one core, each with the filter of the 2015 thesis",
-    # The clock rate matters here, not the latency of an operation. Iterative operators make one step per cycle,
-    # and the pool has as many of them as the interval needs.
-    channels=8, interval=106,
-    pool=Pool(operators=(Adder(latency=5), Multiplier(latency=4), Divider(count=2, bits_per_cycle=1),
-                         Arctangent(steps_per_cycle=1), Selector()),
+    # The clock rate matters here, not the latency of an operation.
+    channels=8, interval=91,
+    pool=Pool(operators=(Adder(latency=5), Multiplier(latency=4), *TABLES),
               forwarding=False, operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED,
               side_memory=True))

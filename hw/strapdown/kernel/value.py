@@ -27,6 +27,7 @@ class Namespace(ABC):
 
     def __init__(self, pool):
         self.pool = pool
+        self._replaced: list[str] = []  # Operations whose fallbacks are being computed, outermost first.
 
     @abstractmethod
     def lift(self, number):
@@ -72,9 +73,15 @@ class Namespace(ABC):
         if operation.name in self.pool.operations:
             result = self.apply(operation.name, *values)
             return self.is_negative(result) if operation.gives_condition else result
-        if operation.fallback is None:
-            raise ValueError(f"the pool has no operator for {operation.name}: add one to its operators")
-        return operation.fallback(self, *values)
+        if operation.fallback is None or operation.name in self._replaced:
+            wanted, *_ = *self._replaced, operation.name
+            raise ValueError(f"the pool has no operator for {wanted}: add one to its operators")
+        # A quotient and a reciprocal replace each other.
+        self._replaced.append(operation.name)
+        try:
+            return operation.fallback(self, *values)
+        finally:
+            self._replaced.pop()
 
     def add(self, a, b):
         """a + b."""

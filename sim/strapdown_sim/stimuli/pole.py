@@ -61,6 +61,22 @@ def angle_error(angles, c_n2b):
     return rotation_angle(quaternion_from_matrix(described), quaternion_from_matrix(c_n2b))
 
 
+def _state_of(q_b2n, system):
+    """The state of INS_top or INS_flight at attitudes, as for ``System.bind_state``."""
+    q0, q1, q2, q3 = np.moveaxis(q_b2n, -1, 0)
+    return {"q": q_b2n} if "q" in system.state else {"s": np.stack([q0 - q2, q0 + q2, q1 + q3, q1 - q3], axis=-1)}
+
+
+def _attitude_of(state, system):
+    """The unit quaternion of a state by words: the inverse of ``_state_of``."""
+    state = system.read(state, system.state)
+    if "q" in state:
+        return state["q"]
+    a, b, d1, d2 = state["s"].astype(float)
+    q = np.array([a + b, d1 + d2, b - a, d1 - d2])
+    return q / np.linalg.norm(q)
+
+
 def update_at(q_b2n, system, update):
     """Angles and matrix of INS_top or INS_flight after an update that does not rotate.
 
@@ -80,7 +96,7 @@ def update_at(q_b2n, system, update):
         Direction cosine matrices.
     """
     still = dict.fromkeys("amg", np.zeros(3))
-    result = system.read(update(system.bind(**still), system.bind_state(q=q_b2n)))
+    result = system.read(update(system.bind(**still), system.bind_state(**_state_of(q_b2n, system))))
     return result["angles"].astype(float), result["c"].astype(float)
 
 
@@ -105,7 +121,7 @@ def inputs_through(q_b2n, system, config):
     rates, state = [], system.bind_state()
     others = {"a": np.zeros(3), "m": np.zeros(3)} | config.constant_inputs()
     for attitude in np.repeat(q_b2n, 2, axis=0):
-        turn = multiply(conjugate(system.read(state, system.state)["q"]), attitude)
+        turn = multiply(conjugate(_attitude_of(state, system)), attitude)
         # A core rotates by the half-angle tangent T/2·rate.
         turn = turn[1:] / np.copysign(max(abs(turn[0]), 1e-3), turn[0])
         rates.append(np.degrees(2 * turn / config.period_s))

@@ -11,3 +11,5 @@ from .multiplier import *
 from .reciprocal_root import *
 from .selector import *
 from .sine_cosine import *
+from .table_arctangent import *
+from .table_reciprocal import *

@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 __all__ = ["FUNCTIONS", "KINDS", "OPERATIONS", "Operation", "Operator", "meaning"]
@@ -11,6 +11,8 @@ __all__ = ["FUNCTIONS", "KINDS", "OPERATIONS", "Operation", "Operator", "meaning
 @dataclass(frozen=True)
 class Operation:
     """An operation that an operator offers to kernels as ``xp.<name>``.
+
+    Operators may offer the same operation, each with its own twin and mode.
 
     Attributes
     ----------
@@ -37,11 +39,11 @@ class Operation:
     """
 
     name: str
-    twin: Callable
+    twin: Callable = field(compare=False)
     float64: Callable
     operands: int = 2
     fallback: Callable | None = None
-    mode: str = ""
+    mode: str = field(default="", compare=False)
     spreads: bool = False
     takes_condition: bool = False
     gives_condition: bool = False
@@ -108,8 +110,8 @@ class Operator:
     count : int
         Number of instances.
 
-    Raises: ValueError for a class that defines an operation of another operator, or a name with another meaning in
-    kernels, and for operands that are not one or two members.
+    Raises: ValueError for a class that gives an operation of another operator another meaning, or defines a name with
+    another meaning in kernels, and for operands that are not one or two members.
     """
 
     name: ClassVar[str]
@@ -129,7 +131,7 @@ class Operator:
         for name, each in offered.items():
             if name in _OTHER_MEANINGS:
                 raise ValueError(f"{cls.__name__} must not define {name}: the name has another meaning in kernels")
-            if known.get(name, each) is not each and _DEFINED_BY[name] != owner:
+            if known.get(name, each) != each and _DEFINED_BY[name] != owner:
                 raise ValueError(f"{cls.__name__} must not define {name}: another operator already defines it")
         # The class may be there already, from before its module was loaded again.
         for name in [name for name, other in _DEFINED_BY.items() if other == owner]:
@@ -139,8 +141,8 @@ class Operator:
             KINDS.pop(name)
         for name in offered:
             _DEFINED_BY.setdefault(name, owner)
-        OPERATIONS.update({each.name: each for each in cls.operations})
-        FUNCTIONS.update(cls.functions)
+        for names, own in (OPERATIONS, {each.name: each for each in cls.operations}), (FUNCTIONS, cls.functions):
+            names.update({name: each for name, each in own.items() if _DEFINED_BY[name] == owner})
         if "name" in vars(cls):
             KINDS.setdefault(cls.name, cls)
 

@@ -13,7 +13,7 @@ __all__ = ["Divider"]
 
 @dataclass(frozen=True, kw_only=True)
 class Divider(Operator):
-    """Iterative division and square root in one circuit.
+    """Iterative division and square root in one circuit; without it, a quotient is a product with a reciprocal.
 
     Parameters
     ----------
@@ -27,7 +27,8 @@ class Divider(Operator):
     component = FpDivideSquareRoot
     beside = "multiplier"
     operations = (
-        Operation("divide", twin=lambda component, a, b: component.compute(a, b, False), float64=np.divide),
+        Operation("divide", twin=lambda component, a, b: component.compute(a, b, False), float64=np.divide,
+                  fallback=lambda xp, a, b: a * xp.reciprocal(b)),
         Operation("sqrt", twin=lambda component, a: component.compute(a, a, True), float64=np.sqrt,
                   operands=1, mode="square_root"))
 
