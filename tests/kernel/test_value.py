@@ -123,7 +123,8 @@ def test_an_operation_of_the_pool_takes_the_place_of_its_fallback():
         return xp.graph(inputs=("x", "y"), outputs={"a": xp.settled(result)}).count()
 
     assert count() == {"add": 2, "select": 2, "sqrt": 1, "divide": 1}
-    assert count(Comparator(), Extremes(), TableReciprocal()) == count(Comparator(), Extremes(), ReciprocalRoot()) == {"less": 1, "maximum": 1, "rsqrt": 1, "select": 1}
+    for root in ReciprocalRoot(), TableReciprocal():
+        assert count(Comparator(), Extremes(), root) == {"less": 1, "maximum": 1, "rsqrt": 1, "select": 1}
 
 
 def test_a_quotient_is_a_product_with_a_reciprocal_or_the_other_way_round():

@@ -20,7 +20,6 @@ from .vector import (
     length_squared,
     permute,
     scale,
-    subtract,
     transposed_vector,
 )
 

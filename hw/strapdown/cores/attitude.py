@@ -8,7 +8,15 @@ from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
 from strapdown.algorithms.vector import scale
 from strapdown.config import Axes, TunableConfig
-from strapdown.kernel.operators import Adder, Arctangent, Extremes, Multiplier, Selector, TableArctangent, TableReciprocal
+from strapdown.kernel.operators import (
+    Adder,
+    Arctangent,
+    Extremes,
+    Multiplier,
+    Selector,
+    TableArctangent,
+    TableReciprocal,
+)
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.system import System, matrix, vector
 

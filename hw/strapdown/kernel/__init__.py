@@ -12,6 +12,6 @@ from .system import *
 
 __all__ = [
     "Adder", "Arctangent", "Comparator", "Converter", "Divider", "Extremes", "MemoryStyle", "Multiplier", "Operation",
-    "Operator", "Pool", "ReciprocalRoot", "Selector", "SineCosine", "System", "TableArctangent", "TableReciprocal", "Update",
-    "matrix", "vector",
+    "Operator", "Pool", "ReciprocalRoot", "Selector", "SineCosine", "System", "TableArctangent", "TableReciprocal",
+    "Update", "matrix", "vector",
 ]

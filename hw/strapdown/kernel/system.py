@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -57,10 +58,21 @@ def matrix(pattern):
 
 
 class Rounded(Float64):
-    """The namespace in which a kernel computes on NumPy numbers of a type other than float64."""
+    """The namespace in which a kernel computes on NumPy numbers of a pool's format.
 
-    def __init__(self, dtype):
-        self._dtype = dtype
+    Operators whose results are often not those of NumPy, rounded, are their twins.
+    """
+
+    def __init__(self, pool):
+        self._pool, self._dtype = pool, pool.format.dtype
+        self._twins = {operation.name for each in pool.operators for operation in each.operations
+                       if not operation.rounded}
+
+    def __getattr__(self, name):
+        return partial(self._twin, name) if name in self._twins else super().__getattr__(name)
+
+    def _twin(self, name, *operands):
+        return self._pool.compute(name, *(self._pool.format.array(operand) for operand in operands))[()]
 
     def from_integer(self, integer):
         """An integer as a number of the type."""
@@ -382,7 +394,7 @@ class System:
         blocks, first, size = [], 0, FIRST_BLOCK if words else count
         while first < count:
             block = {port: array[first:first + size] for port, array in ports.items()}
-            guess = self._predicted(fmt.dtype, block, before, refusals)
+            guess = self._predicted(pool, block, before, refusals)
             with np.errstate(all="ignore"):
                 twin = self.update_twin(pool, block, guess)
             shape = next(iter(block.values())).shape
@@ -452,14 +464,14 @@ class System:
                              f"not numbers of shape {arrays[0].shape}")
         return dict(zip(columns, arrays, strict=True))
 
-    def _predicted(self, dtype, inputs, state, refusals):
+    def _predicted(self, pool, inputs, state, refusals):
         """State before each update of a block; nearly always equal to that of the twin.
 
-        NumPy rounds as the operators do, except for subnormal numbers and trigonometry.
+        NumPy rounds as the operators do, except for subnormal numbers, trigonometry and tables.
         """
         if not state:
             return {}
-        xp, count = Rounded(dtype), len(next(iter(inputs.values())))
+        xp, dtype, count = Rounded(pool), pool.format.dtype, len(next(iter(inputs.values())))
         counted = Refusals(self.restart_after, refusals)
         states = {word: np.empty((count, *values.shape), dtype) for word, values in state.items()}
         rows = [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)]

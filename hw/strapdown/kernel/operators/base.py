@@ -36,6 +36,8 @@ class Operation:
         True if the last operand is a condition: only its sign counts.
     gives_condition : bool
         True if the result is a condition of the kernel: only its sign counts.
+    rounded : bool
+        False if the results of the operator are often not those of ``float64``, rounded.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Operation:
     spreads: bool = False
     takes_condition: bool = False
     gives_condition: bool = False
+    rounded: bool = field(default=True, compare=False)
 
     def check(self, given):
         """Raise TypeError unless ``given``, the operands of a call, are as many as the operation takes."""
@@ -141,8 +144,8 @@ class Operator:
             KINDS.pop(name)
         for name in offered:
             _DEFINED_BY.setdefault(name, owner)
-        for names, own in (OPERATIONS, {each.name: each for each in cls.operations}), (FUNCTIONS, cls.functions):
-            names.update({name: each for name, each in own.items() if _DEFINED_BY[name] == owner})
+        OPERATIONS.update({each.name: each for each in cls.operations if _DEFINED_BY[each.name] == owner})
+        FUNCTIONS.update(cls.functions)
         if "name" in vars(cls):
             KINDS.setdefault(cls.name, cls)
 

@@ -30,9 +30,9 @@ class TableReciprocal(Operator):
     operands = ("a",)
     operations = (
         Operation("reciprocal", twin=lambda component, a: component.compute(a, False), float64=lambda a: 1 / a,
-                  operands=1, fallback=lambda xp, a: 1 / a),
+                  operands=1, fallback=lambda xp, a: 1 / a, rounded=False),
         replace(ReciprocalRoot.operations[0], twin=lambda component, a: component.compute(a, True),
-                mode="square_root"))
+                mode="square_root", rounded=False))
 
     latency: int = 5
     count: int = 1
