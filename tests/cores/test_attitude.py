@@ -86,7 +86,7 @@ def test_ports_are_those_of_the_thesis(make_core, name):
     assert {len(getattr(core, port)) for port in ("clk", "rst_n", start, finish)} == {1}
 
 
-@pytest.mark.parametrize(("config", "most"), [(THESIS, 270), (THESIS_COMPACT, 2000), (THESIS_FAST, 170)],
+@pytest.mark.parametrize(("config", "most"), [(THESIS, 155), (THESIS_COMPACT, 350), (THESIS_FAST, 130)],
                          ids=lambda value: getattr(value, "name", value))
 def test_an_update_of_ins_top_takes_no_more_cycles_than_its_budget(make_core, config, most):
     assert make_core("INS_top", config).latency <= most

@@ -166,7 +166,7 @@ def test_differing_bits_are_counted(model):
     channels, inputs, _ = samples(model.core, 40, SEED + 5)
     result = model.update(channels, inputs)
     assert model.differing_bits(inputs, result) == 0
-    result["q1"][20] = np.nextafter(result["q1"][20], np.float32(2))
+    result["sa"][20] = np.nextafter(result["sa"][20], np.float32(2))
     assert model.differing_bits(inputs, result) >= 1
 
 

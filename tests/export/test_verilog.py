@@ -137,10 +137,10 @@ def test_two_runs_give_equal_bytes(folder, tmp_path):
 def test_header_tells_equation_configuration_latency_and_program(folder, make_core):
     core = make_core("INS_top", THESIS)
     header = (folder / "INS_top.v").read_text(encoding="utf-8").split("\nmodule ")[0]
-    assert "accelerometer_error: e_a = a/|a|" in header
+    assert "corrections: Both error vectors" in header
     assert re.search(r"kp +10\.0", header)
     assert f"rises {core.latency} cycles later" in header
-    assert re.search(r"algorithms/attitude\.py:\d+ magnetometer_error", header)
+    assert re.search(r"algorithms/attitude\.py:\d+ corrections", header)
     listed = [line for line in header.splitlines() if re.match(r"//\s+\d+ .*(\||:=|: )", line)]
     assert len(listed) > core.engine.program.length / 2
 

@@ -70,7 +70,7 @@ def test_the_state_is_bound_over_its_reset():
     state = INS_TOP.bind_state(q=RNG.standard_normal((3, 4)))
     assert state.keys() == INS_TOP.reset.keys()
     assert state["c22"].tolist() == [1, 1, 1]
-    assert INS_TOP.bind_state()["q0"] == 1
+    assert INS_TOP.bind_state()["sa"] == 1
 
 
 @pytest.mark.parametrize(("values", "error", "message"), [
@@ -199,7 +199,7 @@ def test_a_run_in_float64_restarts_as_well():
     result, last = system.run_float64(inputs, state)
     assert result["refused"].tolist() == [True] * 4 + [False] * 5
     assert np.flatnonzero(result["restarted"]).tolist() == [3]
-    assert (result["q0"][3], result["c12"][3]) == (1, 0)
+    assert (result["sa"][3], result["c12"][3]) == (1, 0)
     assert last["refusals in a row"] == 0
 
 
@@ -305,7 +305,7 @@ def test_a_first_update_that_is_refused_in_float64_shows_zeros():
     result, _ = INS_TOP.run_float64(INS_TOP.bind(a=[(np.inf, 0, 0)], m=np.ones(3), g=np.zeros(3)))
     assert INS_TOP.read(result)["c"].tolist() == np.zeros((1, 3, 3)).tolist()
     assert result["refused"].tolist() == [True]
-    assert result["q0"].tolist() == [1]
+    assert result["sa"].tolist() == [1]
 
 
 def test_two_ports_of_one_name_are_refused():
