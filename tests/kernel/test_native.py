@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from strapdown.cores import QUATERNION_J3, SINS, THESIS, THESIS_COMPACT, main_module, system_of
+from strapdown.cores import QUATERNION_J3, SINS, THESIS_COMPACT, main_module, system_of
 from strapdown.cores.quaternion import quat_direct
 from strapdown.fp import BINARY16, BINARY32, BINARY64
 from strapdown.kernel import native
@@ -26,6 +26,8 @@ def everything(xp, *, a, b):
         return Update({"r": (a + b, a - b, a * b, a / b, xp.sqrt(a), xp.select(a < b, -a, b), -a)})
 
 
+DIVIDING = THESIS_COMPACT.replace(pool=replace(THESIS_COMPACT.pool, operators=(
+    Adder(), Multiplier(), Divider(), Selector())))
 PORTS = tuple(f"out_{index}" for index in range(7))
 EVERYTHING = System("ALL", "every operation", everything, inputs={"a": "in_a", "b": "in_b"}, outputs={"r": PORTS},
                     sections=("ALL",), start="in_en", finish="out_finish")
@@ -61,7 +63,7 @@ def test_every_operation_in_every_bit(plain, policy):
     quotient = np.stack([larger, (exponent + np.uint64(fmt.bias - 1) << shift) + fraction[1]])
     bits = np.concatenate([pairs, wild, product, quotient], axis=1)
     inputs = {name: fmt.from_bits(row.astype(fmt.bits_dtype)) for name, row in zip(("in_a", "in_b"), bits, strict=True)}
-    pool = replace(THESIS.pool, format=fmt)
+    pool = replace(DIVIDING.pool, format=fmt)
     wanted = EVERYTHING.update_twin(pool, inputs)
     got, _ = NativeTwin(EVERYTHING, pool).run(inputs)
     assert_equal(fmt, got, wanted)
@@ -70,10 +72,6 @@ def test_every_operation_in_every_bit(plain, policy):
     assert (quotients[1] == fmt.least_normal).any()
     if policy == "flush":
         assert (products[0][::2] == 0).all()
-
-
-DIVIDING = THESIS_COMPACT.replace(pool=replace(THESIS_COMPACT.pool, operators=(
-    Adder(), Multiplier(), Divider(), Selector())))
 
 
 @pytest.mark.parametrize("config", [QUATERNION_J3, DIVIDING], ids=lambda config: config.name)
@@ -118,7 +116,7 @@ def test_restarts_are_those_of_the_twin():
 @pytest.mark.parametrize(("system", "pool", "message"), [
     (system_of(main_module(SINS), SINS), SINS.pool,
      r"^compiled kernels have no atan2: only add, copy, divide, multiply, select, sqrt$"),
-    (EVERYTHING, replace(THESIS.pool, format=BINARY16),
+    (EVERYTHING, replace(DIVIDING.pool, format=BINARY16),
      r"^compiled kernels have the format binary32 or binary64, not binary16$"),
 ])
 def test_what_has_no_form_in_c(system, pool, message):
@@ -130,7 +128,7 @@ def test_compiler_that_is_missing_or_fails(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(native.shutil, "which", lambda name: None)
         with pytest.raises(NativeError, match=r"^the C compiler cc is missing \(Debian: apt-get install gcc\)$"):
-            NativeTwin(EVERYTHING, THESIS.pool)
+            NativeTwin(EVERYTHING, DIVIDING.pool)
     monkeypatch.setattr(native, "OPERATORS", "no C {real}")
     with pytest.raises(NativeError, match=r"^cc failed with status 1: .*error"):
-        NativeTwin(EVERYTHING, THESIS.pool)
+        NativeTwin(EVERYTHING, DIVIDING.pool)

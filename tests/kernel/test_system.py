@@ -67,7 +67,7 @@ def test_read_gives_single_numbers_as_arrays_without_axes():
 
 
 def test_the_state_is_bound_over_its_reset():
-    state = INS_TOP.bind_state(q=RNG.standard_normal((3, 4)))
+    state = INS_TOP.bind_state(s=RNG.standard_normal((3, 4)))
     assert state.keys() == INS_TOP.reset.keys()
     assert state["c22"].tolist() == [1, 1, 1]
     assert INS_TOP.bind_state()["sa"] == 1
@@ -91,7 +91,7 @@ def test_wrong_names_and_shapes_are_told_in_one_line(values, error, message):
 def test_an_unknown_state_is_told_in_one_line():
     with pytest.raises(TypeError) as caught:
         INS_TOP.bind_state(omega=0)
-    assert str(caught.value) == "INS_top has no state 'omega': choose from q, c, i"
+    assert str(caught.value) == "INS_top has no state 'omega': choose from s, c, i"
 
 
 def test_a_reset_of_no_word_is_refused():
@@ -243,9 +243,9 @@ def test_wrong_predictions_cost_time_only(monkeypatch):
     expected, _ = INS_TOP.run(THESIS.pool, inputs)
     predicted = System._predicted
 
-    def wrong(self, dtype, inputs, state, refusals):
-        return {word: np.concatenate((values[:1], values[1:] + dtype.type(1)))
-                for word, values in predicted(self, dtype, inputs, state, refusals).items()}
+    def wrong(self, pool, inputs, state, refusals):
+        return {word: np.concatenate((values[:1], values[1:] + pool.format.dtype.type(1)))
+                for word, values in predicted(self, pool, inputs, state, refusals).items()}
 
     monkeypatch.setattr(System, "_predicted", wrong)
     result, _ = INS_TOP.run(THESIS.pool, inputs)

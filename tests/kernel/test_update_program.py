@@ -6,7 +6,7 @@ import pytest
 from strapdown.cores import ATTITUDE_CORES, THESIS
 from strapdown.kernel.list_scheduler import list_schedule
 from strapdown.kernel.machine import UpdateMachine
-from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector, meaning
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.program import UpdateProgram
 
@@ -59,8 +59,7 @@ def interpret(program, inputs, memory, bank, fresh):
                 modes = [mode for mode in unit.modes.values() if f"{name}_{mode}" in word.get("mode", {})]
                 operation = next(operation for operation in unit.operations
                                  if [unit.modes[name] for name in [operation] if name in unit.modes] == modes)
-                operands = (a,) if operation == "sqrt" else (a, b)
-                result = unit.operations[operation](*operands)
+                result = unit.operations[operation](*(a, b)[:meaning(operation).operands])
             coming[name, cycle + 1 + unit.latency] = result
         if write.get("enable") and (fresh or not write["restore"]):
             memory[physical(write["address"])] = int(FORMAT.to_bits(bus))

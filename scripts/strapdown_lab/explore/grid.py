@@ -154,8 +154,7 @@ def grid_of(config: Config, system: System, *, timing: bool = True, vary: Mappin
     """
     base = config.engine_pool
     axes: dict[str, tuple] = {}
-    for kind, (operator, most) in _useful(system, base).items():
-        least = 0 if all(each.fallback for each in operator.operations) else 1
+    for kind, (operator, least, most) in _useful(system, base).items():
         if any(parameter.name == "count" for parameter in fields(operator)):
             axes[f"{kind}s"] = tuple(range(least, max(min(most, MOST_UNITS), 1) + 1))
         for parameter in fields(operator):
@@ -198,7 +197,8 @@ def _absent(config, name):
 
 
 def _useful(system, base):
-    """Maps the kinds that the kernel can use to an operator and the number of operations for it."""
+    """Maps the kinds that the kernel can use to an operator, 0 if it can do without, else 1, and the number of operations
+    for it."""
     own = {each.name: each for each in base.operators}
     offered = {}
     for name, kind in {**KINDS, **{name: type(each) for name, each in own.items()}}.items():
@@ -208,23 +208,39 @@ def _useful(system, base):
         except (TypeError, ValueError):
             offered.pop(name, None)  # Not for this format, or with parameters that have no default.
     found: dict[str, int] = {}
+    without: set[str] = set()
     waiting, seen = [frozenset(offered)], set()
     while waiting:
         present = waiting.pop()
         if present in seen:
             continue
         seen.add(present)
+        if rivals := _rivals(offered, present):
+            waiting += [present - {name} for name in rivals]
+            continue
         try:
             pool = replace(base, operators=tuple(offered[name] for name in offered if name in present))
             counts = system.trace(pool).count()
         except ValueError:
             continue
+        without |= offered.keys() - present
         for name in present:
             used = sum(counts.get(each.name, 0) for each in offered[name].operations)
             found[name] = max(found.get(name, 0), used)
-            if used and all(each.fallback for each in offered[name].operations):
+            if used and any(each.fallback for each in offered[name].operations):
                 waiting.append(present - {name})
-    return {name: (offered[name], found[name]) for name in offered if found.get(name) and fields(offered[name])}
+    return {name: (offered[name], int(name not in without), found[name])
+            for name in offered if found.get(name) and fields(offered[name])}
+
+
+def _rivals(offered, present):
+    """Two kinds that offer the same operation, of which a pool has one at most; none if there are no such kinds."""
+    kinds: dict[str, str] = {}
+    for name in sorted(present):
+        for operation in offered[name].operations:
+            if kinds.setdefault(operation.name, name) != name:
+                return kinds[operation.name], name
+    return ()
 
 
 def _timings(operator: Operator, name: str, format: FloatFormat) -> tuple:
