@@ -62,7 +62,8 @@ def test_replace_takes_values_and_strings():
     ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
                   "interval, operand_memory, side_memory, microcode, restart_after, clock_enable, inputs, kp, ki, "
                   "magnetometer_axes; of its pool: adder_latency, adders, multiplier_latency, multipliers, "
-                  "divider_bits_per_cycle, dividers, arctangent_steps_per_cycle, arctangents, forwarding, "
+                  "table_reciprocal_latency, table_reciprocals, table_arctangent_latency, table_arctangents, "
+                  "arctangent_steps_per_cycle, arctangents, forwarding, "
                   "private_ports"),
     ({"adders": "two"}, "configuration thesis: adders must be a valid integer, unable to parse string as an integer, "
                         "not 'two'"),
@@ -103,12 +104,13 @@ def test_every_configuration_can_have_several_channels(config):
     assert modules_of(several) == (f"{main_module(config)}_x4",)
     system, own = system_of(main_module(several), several), system_of(main_module(config), config)
     assert (system.name, system.title) == (f"{own.name}_x4", f"{own.title}, 4 channels")
-    assert (system.inputs, system.outputs, system.state) == (own.inputs, own.outputs, own.state)
+    assert (system.inputs, system.outputs) == (own.inputs, own.outputs)
+    assert own.state.items() <= system.state.items()  # INS_top has another form of its update, with one more word.
 
 
 def test_the_interval_is_the_schedulers_choice_or_given():
     assert THESIS.replace(channels=8).interval is None
-    assert (THESIS_X8.interval, THESIS_X8.replace(interval="").interval) == (106, None)
+    assert (THESIS_X8.interval, THESIS_X8.replace(interval="").interval) == (91, None)
     with pytest.raises(ConfigError, match=r"^configuration thesis_x8: interval must be None"):
         THESIS_X8.replace(channels=1)
     assert THESIS_X8.replace(channels=1, interval=None).interval is None

@@ -1,12 +1,19 @@
 """Registers of a core with random contents: it settles without a start, and its next update is right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from strapdown.cores import FLIGHT, QUATERNION_J3, SINS, THESIS, THESIS_X8, main_module
 from strapdown.export import write_core
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from strapdown_sim.drivers.upsets import ALL, BIT, POWER_UP, REGISTER, UpsetModel
+
+ITERATIVE_X8 = THESIS_X8.replace(name="iterative_x8", interval=None, pool=replace(
+    THESIS_X8.pool, operators=(Adder(), Multiplier(), Divider(count=2), Arctangent(), Selector())))
+"""Operators with state machines of their own."""
 
 UPSETS = 300
 SEED = 20151
@@ -86,7 +93,7 @@ def test_an_update_whose_cycles_are_not_those_of_the_schedule_is_refused(model):
 
 
 @pytest.mark.verilator
-@pytest.mark.parametrize("model", [THESIS_X8], indirect=True, ids=["thesis_x8"])
+@pytest.mark.parametrize("model", [ITERATIVE_X8], indirect=True, ids=lambda config: config.name)
 @pytest.mark.parametrize("name", ["", ".cycle", ".beginning", "_divider_0.busy", "_divider_0.quotient",
                                   "_arctangent.fsm_state"])
 def test_a_core_that_never_rests_settles_as_well(model, name):

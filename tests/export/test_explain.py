@@ -62,8 +62,8 @@ def test_a_program_of_several_updates_is_listed_by_slot_and_stage(streamed):
 
 
 def test_a_cycle_and_a_line_of_several_updates_lead_to_each_other(streamed):
-    step = next(step for step in streamed.schedule.steps if step.node.operation == "atan2")
+    step = next(step for step in streamed.schedule.steps if step.node.operation == "atan2_degrees")
     text = "\n".join(explain_cycle(streamed, step.issue % streamed.length))
-    assert f"starts arctangent@{step.issue // streamed.length}: atan2" in text
+    assert f"starts table_arctangent@{step.issue // streamed.length}: atan2_degrees" in text
     file, line = step.node.origin[0].file.rpartition("/")[2], step.node.origin[0].line
     assert any(f"cycles {step.issue:>4} to {step.write:>4}" in found for found in explain_line(streamed, file, line))
