@@ -299,7 +299,8 @@ class UpdateProgram(Program):
 
     @cached_property
     def depth(self):
-        return 1 << (self.used - 1).bit_length()
+        words = max(self.used, self.state_words + self.side_depth)  # The addresses of both memories have one length.
+        return 1 << (words - 1).bit_length()
 
     def place(self, node):
         names = {node: name for name, node in self.graph.outputs.items()}
