@@ -79,7 +79,7 @@ def test_families_without_lut_ram_have_rows_with_operands_in_block_ram():
 @pytest.mark.parametrize(("family", "memory"), [
     ("iCE40", "auto"), ("GateMate", "auto"), ("GateMate", "block"), ("Efinix", "auto")])
 def test_every_memory_has_a_mapping_without_lut_ram(family, memory, make_core, yosys, cache):
-    config = THESIS.replace(operand_memory=memory)
+    config = THESIS.replace(operand_memory=memory, side_memory="none")
     found = synthesise(NAMED[family], core_circuit(make_core("INS_atan", config), config), "INS_atan",
                        cache, place=False)
     assert found["fits"]

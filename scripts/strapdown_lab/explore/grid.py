@@ -197,8 +197,7 @@ def _absent(config, name):
 
 
 def _useful(system, base):
-    """Maps the kinds that the kernel can use to an operator, 0 if it can do without, else 1, and the number of operations
-    for it."""
+    """Maps kinds that the kernel can use to an operator, 0 if it can do without, else 1, and the most operations."""
     own = {each.name: each for each in base.operators}
     offered = {}
     for name, kind in {**KINDS, **{name: type(each) for name, each in own.items()}}.items():
