@@ -215,7 +215,8 @@ THESIS_COMPACT = THESIS.replace(
 
 THESIS_FAST = THESIS.replace(
     name="thesis_fast", description="the same, fast: several operators of each kind",
-    pool=Pool(operators=(Adder(count=2), Multiplier(count=2), Extremes(), *TABLES, Arctangent()), side_memory=True))
+    pool=Pool(operators=(Adder(count=2, latency=4), Multiplier(count=2), Extremes(), *TABLES, Arctangent()),
+              side_memory=True))
 
 MAHONY = THESIS.replace(
     name="mahony",
