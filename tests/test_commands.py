@@ -269,6 +269,15 @@ def pools(words, place):
     assert (place.folder / lines[-1]).exists()
 
 
+def xilinx(words, place):
+    """A folder with a stand-in for the toolchain, whose results are invented, too."""
+    shutil.copytree(ROOT / "tests" / "lab" / "openxc7", place.folder / words[words.index("--xilinx") + 1])
+    place.stand_in("strapdown_lab.report.measure._openxc7", lambda toolchain, design, cache: {
+        "fmax_mhz": 80.0, "fmax_mhz_of_seeds": [80.0], "critical": ["a", "b"]})
+    report([*words, *([] if "--config" in words else ["--config", "quaternion_j2"])], place)
+    assert "openXC7" in (place.folder / "build" / "report" / "report.md").read_text(encoding="utf-8")
+
+
 def compiled(words, place):
     """The compiler of this machine is called in place of the other, which tests/ip/test_arm.py calls."""
     table = register_table(make_core("QUAT_direct", QUATERNION_J2), QUATERNION_J2)
@@ -409,6 +418,7 @@ RULES = {
     r"strapdown monitor .*": strapdown,
     r"strapdown explore .*": pools,
     r"strapdown report --vivado .*": reports,
+    r"strapdown report --xilinx .*": xilinx,
     r"strapdown report .*": report,
     r"strapdown families .*": families,
     r"strapdown (?:operators DIR|replay RECORDING .*|inspect RECORDING)": with_names,

@@ -27,7 +27,7 @@ from .report.report import write_buses, write_cores, write_families, write_json,
 from .report.vivado import VivadoReportError, read_timing, read_utilization
 from .studies.accuracy import measure as measure_accuracy
 from .studies.accuracy import write_accuracy
-from .synthesis import FAMILIES, ToolMissingError
+from .synthesis import FAMILIES, OpenXc7, PathReportError, ToolMissingError
 
 __all__ = ["accuracy", "compare", "families", "report"]
 
@@ -46,12 +46,15 @@ __all__ = ["accuracy", "compare", "families", "report"]
               show_default=True, help="Folder for JSON, tables and pictures.")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder that keeps the results of the tools and the simulation models.")
+@click.option("--xilinx", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
+              help="Also place and route for a 7-series part, by the openXC7 toolchain in this folder: nextpnr-xilinx "
+                   "and a chip database.")
 @click.option("--vivado", type=click.Path(exists=True, dir_okay=False, path_type=Path), nargs=2, default=None,
               metavar="UTILIZATION TIMING",
               help="Measure nothing, but print what Vivado's reports of a design say: the files of report_utilization "
                    "and report_timing_summary.")
 @job_options
-def report(operators, cores, buses, only, config_names, place, output, build, vivado, **where):
+def report(operators, cores, buses, only, config_names, place, output, build, xilinx, vivado, **where):
     """Synthesise operators, cores, and cores behind a bus, place and route them, and compare them with public ones.
 
     Results are kept: an interrupted run continues where it stopped.
@@ -59,6 +62,8 @@ def report(operators, cores, buses, only, config_names, place, output, build, vi
     if vivado:
         print_vivado(*vivado)
         return
+    if xilinx and not place:
+        raise UserError("--xilinx needs place and route: omit --no-place")
     names = list(dict.fromkeys(entry.operator for entry in MEASURED))
     if unknown := [name for name in only if name not in names]:
         raise UserError(f"no operator is called {unknown[0]!r}: choose from {', '.join(names)}")
@@ -73,15 +78,17 @@ def report(operators, cores, buses, only, config_names, place, output, build, vi
     cache = Cache(build / "report" / "cache")
     reports = {}
     try:
-        source = provenance(place=place)
+        toolchain = OpenXc7.found(xilinx) if xilinx else None
+        source = provenance(place=place, xilinx=toolchain)
         with progress_bars() as bars:
             for kind, entries in chosen.items():
                 if entries:
-                    task = bars.add_task(kind, total=sum(1 + (place and entry.placed) for entry in entries))
+                    task = bars.add_task(kind, total=sum(
+                        1 + (place and entry.placed) * (1 + (toolchain is not None)) for entry in entries))
                     rows = measure(map(designs[kind], entries), cache, place=place,
-                                   progress=partial(bars.advance, task), **where)
+                                   progress=partial(bars.advance, task), xilinx=toolchain, **where)
                     reports[kind] = {**source, kind: rows}
-    except (JobsError, SimulatorMissingError, ToolMissingError) as error:
+    except (JobsError, PathReportError, SimulatorMissingError, ToolMissingError) as error:
         raise UserError(str(error)) from None
     with writing(output), written_together(output) as folder:
         if "cores" in reports:

@@ -46,7 +46,7 @@ from .report.measure import cycles_of
 from .report.optical_diagram import draw_optical
 from .report.pages import PAGES, flags_table, index_table, page_text
 from .report.sensors import sensor_blocks, write_waves
-from .report.tables import anchor_table, bus_table, core_table, flow_lines, microseconds, operator_tables
+from .report.tables import anchor_table, bus_table, core_table, flow_lines, microseconds, operator_tables, path_table
 from .studies.accuracy import figure_table, means
 from .studies.airliner import airliner_table
 from .studies.calibration import errors_table, fields_table
@@ -202,7 +202,8 @@ def report_blocks():
     """Tables of docs/report.md, by the name of their block."""
     cores, buses, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
                                for name in ("cores", "buses", "operators"))
-    return {"flow": flow_lines(cores), "cores": core_table(cores), "public cores": anchor_table(),
+    return {"flow": flow_lines(cores), "cores": core_table(cores), "paths": path_table(cores["cores"]),
+            "public cores": anchor_table(),
             "buses": bus_table(buses, cores), "bus flow": flow_lines(buses),
             "operators": operator_tables(operators)}
 

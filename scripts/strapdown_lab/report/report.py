@@ -4,7 +4,7 @@ import json
 
 from .families import family_lines, family_table
 from .plots import core_plot, operator_plot
-from .tables import anchor_table, bus_table, core_table, flow_lines, operator_tables
+from .tables import anchor_table, bus_table, core_table, flow_lines, operator_tables, path_table
 
 __all__ = ["write_buses", "write_cores", "write_families", "write_json", "write_operators", "write_page"]
 
@@ -50,7 +50,10 @@ def write_page(directory, *, cores=None, buses=None, operators=None):
     """Write the page with the tables of the existing reports; returns its path."""
     parts = ["# Report"]
     if cores:
-        parts += ["## Cores", core_table(cores), "Public cores, for comparison:", anchor_table(), flow_lines(cores)]
+        parts += ["## Cores", core_table(cores)]
+        if any("ecp5" in row for row in cores["cores"]):
+            parts += ["Slowest paths:", path_table(cores["cores"])]
+        parts += ["Public cores, for comparison:", anchor_table(), flow_lines(cores)]
     if buses:
         parts += ["## Cores behind a bus", bus_table(buses, cores or {"cores": []}), flow_lines(buses)]
     if operators:

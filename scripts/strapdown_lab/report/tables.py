@@ -5,8 +5,9 @@ from itertools import groupby
 from strapdown.markdown import markdown_table
 
 from .anchors import CORE_ANCHORS, best_known
+from .path_words import path_words
 
-__all__ = ["anchor_table", "bus_table", "core_table", "flow_lines", "operator_tables"]
+__all__ = ["anchor_table", "bus_table", "core_table", "flow_lines", "operator_tables", "path_table"]
 
 
 def operator_tables(report, operators=None):
@@ -71,6 +72,18 @@ def core_table(report):
     return markdown_table(head, rows)
 
 
+TARGETS = {"ecp5": "ECP5", "openxc7": "openXC7"}
+"""Flows that place and route, with their names in tables."""
+
+
+def path_table(rows):
+    """The clock frequency of cores, and their slowest path in words, for each flow that placed and routed them."""
+    return markdown_table(["module", "configuration", "target", "MHz:", "slowest path"], [
+        [f"`{row['module']}`", f"`{row['config']}`", name, f"{row[flow]['fmax_mhz']:.0f}",
+         path_words(row[flow]["critical"])]
+        for row in rows for flow, name in TARGETS.items() if flow in row])
+
+
 def bus_table(report, cores):
     """The table of ``buses.json``: what a bus adds to the cores of ``cores.json``, and their clock frequency."""
     alone = {row["config"]: row for row in cores["cores"]}
@@ -111,5 +124,8 @@ def flow_lines(report):
     if "ecp5" in report:
         lines.append(f"- MHz: `{report['ecp5']['command']}`, median of seeds "
                      + ", ".join(map(str, report["ecp5"]["seeds"])))
+    if "openxc7" in report:
+        lines.append(f"- MHz, openXC7: `{report['openxc7']['command']}`, median of seeds "
+                     + ", ".join(map(str, report["openxc7"]["seeds"])) + f"; {report['openxc7']['version']}")
     lines.append("- " + ", ".join(f"{name} {version}" for name, version in report["versions"].items()))
     return "\n".join(lines)

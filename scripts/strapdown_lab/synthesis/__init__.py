@@ -2,5 +2,6 @@
 
 from .ecp5 import *
 from .families import *
+from .openxc7 import *
 from .tools import *
 from .xc7 import *

@@ -24,7 +24,7 @@ _WRAPPER, INSTANCE = "registered_ports", "inner"
 
 
 def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: str, *, clock: str = "clk",
-                    flat: bool = False, small: bool = False) -> Path:
+                    flat: bool = False, small: bool = False, finish: str = "") -> Path:
     """Path of the JSON netlist of a module in its wrapper.
 
     Parameters
@@ -47,12 +47,14 @@ def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: 
     small : bool
         True for a wrapper of few cells, for small parts: the shift register supplies the operands, and the exclusive
         ORs have no registers between them. Their path may be the slowest one of a core that is fast for the part.
+    finish : str
+        Commands of Yosys after the synthesis, before the netlist is written.
 
     Raises: ToolMissingError; ToolError if Yosys fails.
     """
     kept = "" if flat else f"setattr -mod -set keep_hierarchy 1 {top}; "
     script = (f"read_verilog top.v wrapper.v; hierarchy -top {_WRAPPER}; {kept}{command} -top {_WRAPPER} "
-              "-json netlist.json")
+              f"{f'; {finish}; write_json' if finish else '-json'} netlist.json")
 
     def make(path):
         with TemporaryDirectory() as scratch:
