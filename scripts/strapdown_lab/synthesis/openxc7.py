@@ -68,19 +68,20 @@ class OpenXc7:
         if program is None:
             raise ToolMissingError(f"{folder} has no program {PROGRAM}, nor has its folder bin: docs/report.md says "
                                    "what it must hold")
-        databases = sorted([*folder.glob("xc7*.bin"), *(folder / "chipdb").glob("xc7*.bin")])
+        databases = [*folder.glob("xc7*.bin"), *(folder / "chipdb").glob("xc7*.bin")]
         if not databases:
             raise ToolMissingError(f"{folder} has no chip database xc7*.bin, nor has its folder chipdb: docs/report.md "
                                    "says how to make one")
         if len(databases) > 1:
-            names = ", ".join(path.name for path in databases)
+            names = ", ".join(sorted(path.name for path in databases))
             raise ToolMissingError(f"{folder} must have one chip database, not {names}")
         constraints = folder / "pins.xdc"
         if not constraints.is_file() and not databases[0].name.startswith("xc7z010"):
             raise ToolMissingError(f"{folder} needs a file pins.xdc with pins of {databases[0].stem} for clk, "
                                    "serial_in and serial_out")
         pins = constraints.read_text(encoding="utf-8") if constraints.is_file() else PINS
-        return cls(program.absolute(), databases[0].absolute(), pins, _output([program, "--version"], folder).strip())
+        program = program.absolute()
+        return cls(program, databases[0].absolute(), pins, _output([program, "--version"], folder).strip())
 
     @property
     def command(self) -> str:
