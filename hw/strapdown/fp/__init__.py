@@ -11,4 +11,5 @@ from .reciprocal_square_root import *
 from .resize import *
 from .rounding import *
 from .select import *
+from .sum_of_products import *
 from .table_reciprocal import *

@@ -6,7 +6,7 @@ from amaranth import *
 from . import exact
 from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import pack, unpack
+from .stages import pack, shift_right, unpack
 
 __all__ = ["FpAdd"]
 
@@ -68,16 +68,12 @@ class FpAdd(PipelinedOperator):
 
     def compute(self, a, b, subtract=False):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
-        return exact.by_numpy(self._format, self._rounding, np.add, exact.add, a, self._addend(b, subtract))
+        return exact.by_numpy(self._format, self._rounding, np.add, exact.add, a,
+                              exact.negated(self._format, b, subtract))
 
     def compute_flags(self, a, b, subtract=False):
         """The twin's ``Flags`` as uint8; operands as in ``compute``."""
-        return exact.add(self._format, a, self._addend(b, subtract), self._rounding)[1]
-
-    def _addend(self, b, subtract):
-        # The sign bit is flipped in the encoding: a format may lack a NumPy type.
-        sign = np.asarray(subtract, dtype=bool).astype(np.uint64) << np.uint64(self._format.width - 1)
-        return self._format.from_bits(self._format.to_bits(b).astype(np.uint64) ^ sign)
+        return exact.add(self._format, a, exact.negated(self._format, b, subtract), self._rounding)[1]
 
     def elaborate(self, platform):
         m = Module()
@@ -116,13 +112,13 @@ class FpAdd(PipelinedOperator):
         near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
         moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
         fine = min(3, levels)
-        aligned, sticky = _shift_right(m, near, moves[:fine], 0)
+        aligned, sticky = shift_right(m, near, moves[:fine], 0, "align")
         s = rank(
             "shift", **pick(s, classes), sign=Mux(swap, s.b_sign, s.a_sign),
             exponent=Mux(swap, s.b_exponent, s.a_exponent), larger=Mux(swap, s.b_significand, s.a_significand),
             aligned=aligned, sticky=sticky, moves=moves[fine:], smaller_is_zero=smaller_is_zero,
             both_are_zero=s.a_is_zero & s.b_is_zero)
-        aligned, lost = _shift_right(m, s.aligned, s.moves, fine)
+        aligned, lost = shift_right(m, s.aligned, s.moves, fine, "align")
         sticky = (s.sticky | lost) & ~(s.smaller_is_zero & (not fmt.gradual))
         numbers = ("sign", "exponent", "both_are_zero")
         s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))
@@ -195,18 +191,6 @@ class FpAdd(PipelinedOperator):
         m.d.comb += [getattr(self, name).eq(value) for name, value in vars(s).items()]
         m.d.comb += self.done.eq(rank.valid)
         return m
-
-
-def _shift_right(m, value, moves, level):
-    """``value`` shifted right by ``moves`` * 2**level, and true if a one was shifted out."""
-    lost = C(0)
-    for move in moves:
-        step = 1 << level
-        shifted = Signal(len(value), name=f"align_by_{step}")
-        m.d.comb += shifted.eq(Mux(move, value[step:], value))
-        lost |= move & value[:step].any()
-        value, level = shifted, level + 1
-    return value, lost
 
 
 def _move_left(m, value, level, limit, room):

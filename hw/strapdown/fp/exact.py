@@ -13,8 +13,8 @@ import numpy as np
 
 from .rounding import Flags, Rounding, bit_length, round_encoding, round_integer
 
-__all__ = ["add", "multiply", "divide", "square_root", "reciprocal_square_root", "resize", "to_fixed", "from_fixed",
-           "unpack", "by_numpy"]
+__all__ = ["add", "multiply", "sum_of_products", "divide", "square_root", "reciprocal_square_root", "resize",
+           "to_fixed", "from_fixed", "unpack", "negated", "by_numpy"]
 
 _index = np.frompyfunc(operator.index, 1, 1)
 _isqrt = np.frompyfunc(math.isqrt, 1, 1)
@@ -54,37 +54,28 @@ def unpack(fmt, numbers):
         is_signalling=is_nan & (fraction >> fmt.fraction_width - 1 == 0))
 
 
+def negated(fmt, numbers, condition):
+    """Numbers whose sign is changed where ``condition`` is true."""
+    # The sign bit is flipped in the encoding: a format may lack a NumPy type.
+    sign = np.asarray(condition, dtype=bool).astype(np.uint64) << np.uint64(fmt.width - 1)
+    return fmt.from_bits(fmt.to_bits(numbers).astype(np.uint64) ^ sign)
+
+
 def add(fmt, a, b, rounding):
     """a + b."""
-    a, b = _unpack(fmt, a), _unpack(fmt, b)
-    # If the smaller operand is far below the last place of the larger one, it only sets the sticky bit.
-    reach = fmt.precision + 3
-    exponent = np.maximum(np.minimum(a.exponent, b.exponent), np.maximum(a.exponent, b.exponent) - reach)
-    total = 0
-    for number in a, b:
-        above = number.exponent - exponent
-        term = _integers(number.significand, fmt.precision + reach + 1) << np.maximum(above, 0)
-        term = np.where(above < 0, number.significand != 0, term)
-        total = total + np.where(number.sign, -term, term)
-    cancels = a.is_infinite & b.is_infinite & (a.sign != b.sign)
-    is_infinite = a.is_infinite | b.is_infinite
-    # An exact zero has the sign of both operands if their signs are equal; else the rounding decides.
-    is_zero = total == 0
-    sign = np.where(is_zero, np.where(a.sign == b.sign, a.sign, rounding is Rounding.DOWNWARD), total < 0)
-    sign = np.where(is_infinite, np.where(a.is_infinite, a.sign, b.sign), sign)
-    return _pack(fmt, rounding, sign, exponent, np.abs(total),
-                 is_nan=a.is_nan | b.is_nan | cancels, is_infinite=is_infinite, is_zero=is_zero,
-                 invalid=a.is_signalling | b.is_signalling | cancels)
+    return _add(fmt, _unpack(fmt, a), _unpack(fmt, b), fmt.precision, rounding)
 
 
 def multiply(fmt, a, b, rounding):
     """a * b."""
-    a, b = _unpack(fmt, a), _unpack(fmt, b)
-    product = _integers(a.significand, 2 * fmt.precision) * b.significand
-    undefined = (a.is_zero & b.is_infinite) | (a.is_infinite & b.is_zero)
-    return _pack(fmt, rounding, a.sign ^ b.sign, a.exponent + b.exponent, product,
-                 is_nan=a.is_nan | b.is_nan | undefined, is_infinite=a.is_infinite | b.is_infinite,
-                 is_zero=a.is_zero | b.is_zero, invalid=a.is_signalling | b.is_signalling | undefined)
+    product = _multiply(fmt, a, b)
+    return _pack(fmt, rounding, product.sign, product.exponent, product.significand, is_nan=product.is_nan,
+                 is_infinite=product.is_infinite, is_zero=product.is_zero, invalid=product.is_signalling)
+
+
+def sum_of_products(fmt, a, b, c, d, rounding):
+    """a * b + c * d."""
+    return _add(fmt, _multiply(fmt, a, b), _multiply(fmt, c, d), 2 * fmt.precision, rounding)
 
 
 def divide(fmt, a, b, rounding):
@@ -163,6 +154,46 @@ def to_fixed(fmt, a, width, fraction_bits, rounding):
 def _unpack(fmt, numbers):
     # One additional axis, removed at the end: NumPy turns arrays of objects without axes into scalars.
     return unpack(fmt, np.asarray(numbers)[..., np.newaxis])
+
+
+def _add(fmt, a, b, bits, rounding):
+    """The sum of two numbers with significands of ``bits`` bits, rounded, and its flags.
+
+    A significand that has leading zeros, but is not zero, belongs to the least exponent, or is a product and has
+    fmt.precision bits at least.
+    """
+    # If the smaller operand is far below the last place of the larger one, it only sets the sticky bit.
+    reach = bits + 3
+    least = np.minimum(a.exponent, b.exponent)
+    exponent = np.where(a.is_zero, b.exponent, np.where(b.is_zero, a.exponent, np.maximum(a.exponent, b.exponent)))
+    exponent = np.maximum(least, exponent - reach)
+    total = 0
+    for number in a, b:
+        above = np.where(number.is_zero, 0, number.exponent - exponent)
+        term = _integers(number.significand, bits + reach + 1) << np.maximum(above, 0)
+        term = np.where(above < 0, number.significand != 0, term)
+        total = total + np.where(number.sign, -term, term)
+    cancels = a.is_infinite & b.is_infinite & (a.sign != b.sign)
+    is_infinite = a.is_infinite | b.is_infinite
+    # An exact zero has the sign of both operands if their signs are equal; else the rounding decides.
+    is_zero = total == 0
+    sign = np.where(is_zero, np.where(a.sign == b.sign, a.sign, rounding is Rounding.DOWNWARD), total < 0)
+    sign = np.where(is_infinite, np.where(a.is_infinite, a.sign, b.sign), sign)
+    return _pack(fmt, rounding, sign, exponent, np.abs(total),
+                 is_nan=a.is_nan | b.is_nan | cancels, is_infinite=is_infinite, is_zero=is_zero,
+                 invalid=a.is_signalling | b.is_signalling | cancels)
+
+
+def _multiply(fmt, a, b):
+    """The exact product, classified like an operand; signalling means that it is invalid."""
+    a, b = _unpack(fmt, a), _unpack(fmt, b)
+    undefined = (a.is_zero & b.is_infinite) | (a.is_infinite & b.is_zero)
+    is_nan = a.is_nan | b.is_nan | undefined
+    return SimpleNamespace(
+        sign=a.sign ^ b.sign, exponent=a.exponent + b.exponent,
+        significand=_integers(a.significand, 2 * fmt.precision) * b.significand,
+        is_zero=a.is_zero | b.is_zero, is_infinite=(a.is_infinite | b.is_infinite) & ~is_nan, is_nan=is_nan,
+        is_signalling=a.is_signalling | b.is_signalling | undefined)
 
 
 def _integers(values, bits):

@@ -6,7 +6,7 @@ from amaranth import *
 
 from .rounding import Rounding
 
-__all__ = ["unpack", "shift_right_sticky", "normalise", "normalised", "round_significand", "pack",
+__all__ = ["unpack", "shift_right_sticky", "shift_right", "normalise", "normalised", "round_significand", "pack",
            "align_subnormal", "round_and_pack", "partial_products", "sum_of_partial_products"]
 
 SLICE = 17
@@ -65,11 +65,23 @@ def shift_right_sticky(m, value, amount, name):
     return value
 
 
-def normalise(m, value, name, *, limit=None, levels=None):
+def shift_right(m, value, moves, level, name):
+    """``value`` shifted right by ``moves`` * 2**level, and true if a one was shifted out."""
+    lost = C(0)
+    for move in moves:
+        step = 1 << level
+        shifted = Signal(len(value), name=f"{name}_by_{step}")
+        m.d.comb += shifted.eq(Mux(move, value[step:], value))
+        lost |= move & value[:step].any()
+        value, level = shifted, level + 1
+    return value, lost
+
+
+def normalise(m, value, name, *, limit=None, levels=None, fill=0):
     """``value`` shifted left until its top bit is one, but by no more than ``limit``, if given.
 
-    ``levels`` are the binary places of the distance to apply, the lowest first; all, if not given.
-    Returns (shifted value, distance). The distance is meaningless for a value of zero.
+    ``levels`` are the binary places of the distance to apply, the lowest first; all, if not given. ``fill`` is the bit
+    that comes in from the right. Returns (shifted value, distance). The distance is meaningless for a value of zero.
     """
     distance: list[Signal] = []
     for level in reversed(range((len(value) - 1).bit_length()) if levels is None else levels):
@@ -80,7 +92,7 @@ def normalise(m, value, name, *, limit=None, levels=None):
         m.d.comb += moves.eq(allowed & ~value[-step:].any())
         if limit is not None:
             limit = Cat(limit[:level], (limit[level:] - moves)[:len(limit[level:])])
-        m.d.comb += shifted.eq(Mux(moves, Cat(C(0, step), value[:-step]), value))
+        m.d.comb += shifted.eq(Mux(moves, Cat(Value.cast(fill).replicate(step), value[:-step]), value))
         distance.insert(0, moves)
         value = shifted
     return value, Cat(*distance)
@@ -179,12 +191,12 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
     return packed, flags
 
 
-def partial_products(multiplicand, multiplier):
+def partial_products(multiplicand, multiplier, name="partial"):
     """The products of a multiplicand and the slices of a multiplier, by names for ``sum_of_partial_products``."""
-    return {f"partial_{low}": multiplicand * multiplier[low:low + SLICE] for low in range(0, len(multiplier), SLICE)}
+    return {f"{name}_{low}": multiplicand * multiplier[low:low + SLICE] for low in range(0, len(multiplier), SLICE)}
 
 
-def sum_of_partial_products(values):
-    """The product of which a namespace has the ``partial_products``."""
-    return sum(value << int(name.removeprefix("partial_"))
-               for name, value in vars(values).items() if name.startswith("partial_"))
+def sum_of_partial_products(values, name="partial"):
+    """The product of which a namespace has the ``partial_products`` of this name."""
+    return sum(value << int(member.removeprefix(f"{name}_"))
+               for member, value in vars(values).items() if member.startswith(f"{name}_"))
