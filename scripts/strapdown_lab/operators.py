@@ -26,6 +26,7 @@ from strapdown.fp import (
     FpRelation,
     FpSelect,
     FpSquareRoot,
+    FpSumOfProducts,
     FpTableReciprocal,
     FpToFixed,
     FpToFp,
@@ -255,6 +256,12 @@ OPERATORS = (
         control=(Variants([(SMALL,)], _DEEP),),
         claim=Claim.ROUNDED, proved=Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),
         tried=(Variants(_policies(EIGHT_BITS)),)),
+    OperatorEntry(
+        FpSumOfProducts, special.sum_of_products_table,
+        choices=_DEEP,
+        measured=(Measured([(FLUSH,)], {"latency": (7, 8, 9)}, "sum of products"),),
+        control=(Variants([(TINY,)], _DEEP),),
+        claim=Claim.ROUNDED, proved=Variants(_policies(TINY))),
     _digit_recurrence(
         FpDivide, "divide", partial(special.binary_tables, FpDivide),
         tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (4,)}),)),

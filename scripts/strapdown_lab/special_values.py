@@ -6,12 +6,13 @@ from operator import attrgetter
 
 import numpy as np
 
-from strapdown.fp import BINARY16, BINARY32, FixedToFp, Flags, FpToFixed, FpToFp, Subnormals
+from strapdown.fp import BINARY16, BINARY32, FixedToFp, Flags, FpSumOfProducts, FpToFixed, FpToFp, Subnormals
 from strapdown.markdown import markdown_table
 
 __all__ = ["FLAG_NAMES", "arctangent_tables", "binary_tables", "choice_table", "compare_tables",
            "fixed_arctangent_table", "flushed_table", "from_fixed_table", "legend", "number_text", "relation_table",
-           "resize_tables", "sincos_table", "table_reciprocal_table", "to_fixed_table", "unary_table"]
+           "resize_tables", "sincos_table", "sum_of_products_table", "table_reciprocal_table", "to_fixed_table",
+           "unary_table"]
 
 FLUSHED = BINARY32.with_subnormals(Subnormals.FLUSH)
 SIGNALLING = BINARY32.infinity + 1
@@ -121,6 +122,19 @@ def table_reciprocal_table(component):
     columns = [_evaluate(operator, (numbers, square_root)) for square_root in (False, True)]
     return markdown_table(["a", "1 / a, `square_root` = 0", "1 / √a, `square_root` = 1"],
                           zip(map(number_text, numbers), *columns, strict=True))
+
+
+def sum_of_products_table():
+    """A row for each pair of products: zeros, cancellation, products out of range, infinities and NaN."""
+    infinity = BINARY32.infinity
+    rows = _numbers([
+        [0, ONE, 0, ONE], [MINUS, ONE, MINUS, ONE], [0, ONE, MINUS, ONE], [ONE, MAX, ONE, MAX | MINUS],
+        [MAX, MAX, MAX, MAX | MINUS], [MAX, MAX, ONE, ONE], [TINY, ONE, ONE, ONE], [TINY, TINY, 0, ONE],
+        [TINY, ONE, TINY, ONE], [infinity, ONE, ONE, MAX], [infinity, ONE, infinity, ONE | MINUS],
+        [infinity, 0, ONE, ONE], [BINARY32.nan, ONE, ONE, ONE], [SIGNALLING, ONE, ONE, ONE]])
+    columns = [_evaluate(FpSumOfProducts(fmt), tuple(rows.T)) for fmt in (BINARY32, FLUSHED)]
+    return markdown_table([*"abcd", "a b + c d, gradual", "a b + c d, flushed"],
+                          [[*map(number_text, row), *cells] for row, *cells in zip(rows, *columns, strict=True)])
 
 
 def relation_table(component, relations):

@@ -112,13 +112,13 @@ class FpAdd(PipelinedOperator):
         near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
         moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
         fine = min(3, levels)
-        aligned, sticky = shift_right(m, near, moves[:fine], 0, "align")
+        aligned, sticky = shift_right(m, near, enumerate(moves[:fine]), "align")
         s = rank(
             "shift", **pick(s, classes), sign=Mux(swap, s.b_sign, s.a_sign),
             exponent=Mux(swap, s.b_exponent, s.a_exponent), larger=Mux(swap, s.b_significand, s.a_significand),
             aligned=aligned, sticky=sticky, moves=moves[fine:], smaller_is_zero=smaller_is_zero,
             both_are_zero=s.a_is_zero & s.b_is_zero)
-        aligned, lost = shift_right(m, s.aligned, s.moves, fine, "align")
+        aligned, lost = shift_right(m, s.aligned, enumerate(s.moves, fine), "align")
         sticky = (s.sticky | lost) & ~(s.smaller_is_zero & (not fmt.gradual))
         numbers = ("sign", "exponent", "both_are_zero")
         s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))

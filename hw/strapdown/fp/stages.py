@@ -6,8 +6,9 @@ from amaranth import *
 
 from .rounding import Rounding
 
-__all__ = ["unpack", "shift_right_sticky", "shift_right", "normalise", "normalised", "round_significand", "pack",
-           "align_subnormal", "round_and_pack", "partial_products", "sum_of_partial_products"]
+__all__ = ["unpack", "shift_right_sticky", "shift_right", "normalise", "normalised", "leading_zeros",
+           "round_significand", "pack", "align_subnormal", "round_and_pack", "partial_products",
+           "sum_of_partial_products"]
 
 SLICE = 17
 """Bits of an operand for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits."""
@@ -65,15 +66,18 @@ def shift_right_sticky(m, value, amount, name):
     return value
 
 
-def shift_right(m, value, moves, level, name):
-    """``value`` shifted right by ``moves`` * 2**level, and true if a one was shifted out."""
+def shift_right(m, value, moves, name):
+    """``value`` shifted right, and true if a one was shifted out.
+
+    ``moves`` are pairs of a level and a condition: for each one that is true, the value moves by 2**level.
+    """
     lost = C(0)
-    for move in moves:
+    for level, move in moves:
         step = 1 << level
         shifted = Signal(len(value), name=f"{name}_by_{step}")
         m.d.comb += shifted.eq(Mux(move, value[step:], value))
         lost |= move & value[:step].any()
-        value, level = shifted, level + 1
+        value = shifted
     return value, lost
 
 
@@ -107,6 +111,17 @@ def normalised(m, fmt, significand, exponent, name, levels=None):
         return significand, exponent
     significand, zeros = normalise(m, significand, f"{name}_normalise", levels=levels)
     return significand, exponent - (Cat(C(0, levels[0]), zeros) if levels else zeros)
+
+
+def leading_zeros(value):
+    """Whether ``value`` is zero, and the number of its leading zeros, by a tree; without a meaning for zero."""
+    if len(value) == 1:
+        return ~value, C(0, 0)
+    high = 1 << (len(value) - 1).bit_length() - 1
+    is_zero, zeros = leading_zeros(value[-high:])
+    rest_is_zero, more = leading_zeros(value[:-high])
+    lower = (Mux(is_zero, more[place] if place < len(more) else 0, zeros[place]) for place in range(len(zeros)))
+    return is_zero & rest_is_zero, Cat(*lower, is_zero)
 
 
 def round_significand(fmt, exponent, significand, guard, sticky, *, sign=0, rounding=Rounding.NEAREST_EVEN):

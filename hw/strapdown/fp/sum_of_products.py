@@ -8,7 +8,7 @@ from amaranth import *
 from . import exact
 from .pipeline import Pipeline, PipelinedOperator, pick
 from .rounding import Rounding, flags_member
-from .stages import normalise, pack, partial_products, shift_right, sum_of_partial_products, unpack
+from .stages import leading_zeros, normalise, pack, partial_products, shift_right, sum_of_partial_products, unpack
 
 __all__ = ["FpSumOfProducts"]
 
@@ -50,13 +50,13 @@ class FpSumOfProducts(PipelinedOperator):
 
     PIPELINE = Pipeline(cuts=("unpack", "partial", "product", "shift", "align", "sum", "coarse", "normalise", "round",
                               "result"),
-                        priority=("result", "partial", "sum", "align", "coarse", "normalise", "product", "round",
-                                  "shift", "unpack"), default_latency=8)
+                        priority=("result", "partial", "sum", "normalise", "shift", "coarse", "round", "product",
+                                  "align", "unpack"), default_latency=8)
     # Subnormal results are aligned after they have been normalised.
     GRADUAL_PIPELINE = Pipeline(
         cuts=("unpack", "partial", "product", "shift", "align", "sum", "coarse", "normalise", "subnormal", "round",
               "result"),
-        priority=("result", "partial", "sum", "align", "coarse", "normalise", "product", "subnormal", "round", "shift",
+        priority=("result", "partial", "sum", "normalise", "shift", "coarse", "round", "subnormal", "product", "align",
                   "unpack"), default_latency=9)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
@@ -98,7 +98,7 @@ class FpSumOfProducts(PipelinedOperator):
         # Below the last place of the larger product come as many bits as a sum needs whose leading bits cancel, and a
         # sticky bit. Products of normal numbers are from 1 to 4. At a distance of 3 places one bit cancels at most, so
         # 2 bits are enough. The product of a normal and a subnormal number is at least 2**(p - 1) units of its last
-        # place. More than one bit cancels up to a distance of p + 2. The product of two subnormals has the least exponent.
+        # place, so more than one bit cancels up to a distance of p + 2. That of two subnormals has the least exponent.
         guards = fmt.precision + 2 if fmt.gradual else 2
         length = 2 * fmt.precision + guards + 2
         levels = (length - 1).bit_length()
@@ -141,17 +141,16 @@ class FpSumOfProducts(PipelinedOperator):
                  sign=Mux(swap, s.second_sign, s.first_sign), distance=distance, first=products[0], second=products[1])
 
         # The product of the smaller exponent moves right. A distant one leaves only the sticky bit.
-        reach = (length - 1).bit_length()
-        near = Cat(C(0, guards), Mux(s.swap, s.first, s.second))
-        far = s.distance[reach:].any() | (s.one_is_zero & (not fmt.gradual))
-        moves = Cat(s.distance[:reach], C(0, max(reach - len(s.distance), 0))) | far.replicate(reach)
-        fine = reach // 2
-        aligned, sticky = shift_right(m, near, moves[:fine], 0, "align")
-        s = rank("shift", **pick(s, classes, numbers, ("one_is_zero",)), larger=Mux(s.swap, s.second, s.first),
-                 aligned=aligned, sticky=sticky, moves=moves[fine:])
-        aligned, lost = shift_right(m, s.aligned, s.moves, fine, "align")
-        sticky = (s.sticky | lost) & ~(s.one_is_zero & (not fmt.gradual))
-        s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))
+        smaller = Mux(s.swap, s.first, s.second)
+        if not fmt.gradual:
+            smaller &= ~s.one_is_zero.replicate(len(smaller))
+        distance = s.distance[:levels] | s.distance[levels:].any().replicate(levels)
+        moves = [*enumerate(distance)]
+        aligned, sticky = shift_right(m, Cat(C(0, guards), smaller), reversed(moves[levels // 2:]), "align")
+        s = rank("shift", **pick(s, classes, numbers), larger=Mux(s.swap, s.second, s.first), aligned=aligned,
+                 sticky=sticky, distance=distance[:levels // 2])
+        aligned, lost = shift_right(m, s.aligned, reversed([*enumerate(s.distance)]), "align")
+        s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(s.sticky | lost, aligned))
 
         # Add. A difference is computed as in FpAdd: smaller + ~larger = -(larger - smaller) - 1. If its inverse is
         # negative, it is not inverted, and is one unit of the lowest bit too small.
@@ -164,19 +163,26 @@ class FpSumOfProducts(PipelinedOperator):
         lacks_unit = s.opposite & ~s.total[-1]
         outcome = [name for name in classes if name != "opposite"] + ["both_are_zero"]
 
-        # Normalise. The lowest bit is the sticky bit, or a one that is a unit too small, so it is repeated.
-        half = levels // 2 + 1
-        magnitude, coarse = normalise(m, magnitude, "coarse", levels=range(half, levels), fill=magnitude[0])
+        # Normalise. The lowest bit is the sticky bit, or a one that is a unit too small, so it is repeated. The coarse
+        # distance is counted before the first shift, in groups of bits.
+        half = levels // 2
+        padded = Cat(C(0, -length % (1 << half)), magnitude)
+        occupied = Cat(padded[low:low + (1 << half)].any() for low in range(0, len(padded), 1 << half))
+        coarse, shifted = Signal(levels - half), magnitude
+        m.d.comb += coarse.eq(leading_zeros(occupied)[1])
+        for level in reversed(range(half, levels)):
+            fill = magnitude[0].replicate(1 << level)
+            shifted = Mux(coarse[level - half], Cat(fill, shifted[:-(1 << level)]), shifted)
         s = rank("coarse", **pick(s, outcome), sign=s.sign ^ lacks_unit, exponent=s.exponent, lacks_unit=lacks_unit,
-                 magnitude=magnitude, coarse=coarse)
+                 magnitude=shifted, coarse=coarse)
         magnitude, fine = normalise(m, s.magnitude, "normalise", levels=range(half), fill=s.magnitude[0])
         exponent = Signal.like(s.exponent)
         m.d.comb += exponent.eq(s.exponent - Cat(C(0, half), s.coarse))
         outcome += ["sign", "lacks_unit"]
         s = rank("normalise", **pick(s, outcome), exponent=exponent, magnitude=magnitude, fine=fine)
 
-        # The bits below the guard bit become one sticky bit. Where a unit is lacking, they are those of the sum less one
-        # unit: all ones stand for zeros.
+        # The bits below the guard bit become one sticky bit. Where a unit is lacking, they are those of the sum less
+        # one unit: all ones stand for zeros.
         exponent = Signal.like(s.exponent)
         m.d.comb += exponent.eq(s.exponent - s.fine)
         rest = s.magnitude[:-fmt.precision - 1]
@@ -247,7 +253,7 @@ def _align(m, extended, below, lacks_unit):
     levels = len(extended).bit_length()
     # A bit that is shifted out leaves the sticky bit clear if it equals the bits of zero.
     tails = Cat(extended[1:] ^ lacks_unit.replicate(len(extended) - 1), lacks_unit.replicate(1 << levels))
-    tails, lost = shift_right(m, tails, below[:levels], 0, "subnormal")
+    tails, lost = shift_right(m, tails, enumerate(below[:levels]), "subnormal")
     aligned = Cat(extended[0] | lost, tails[:len(extended) - 1] ^ lacks_unit.replicate(len(extended) - 1))
     return Mux(below[levels:].any(), 1, aligned)
 

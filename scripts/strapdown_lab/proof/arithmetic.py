@@ -69,6 +69,20 @@ def _product(op, down):
         by_zero=C(0), sign=a.sign ^ b.sign, scaled=4 * (a.value * b.value), per=lambda c: c << places(fmt))
 
 
+def _sum_of_products(op, down):
+    fmt = op.format
+    a, b, c, d = (number(fmt, operand) for operand in (op.a, op.b, op.c, op.d))
+    sign, other = a.sign ^ b.sign, c.sign ^ d.sign ^ op.subtract
+    total = Mux(sign, -(a.value * b.value), a.value * b.value) + Mux(other, -(c.value * d.value), c.value * d.value)
+    infinite, too = a.is_infinite | b.is_infinite, c.is_infinite | d.is_infinite
+    undefined = (infinite & ((a.value == 0) | (b.value == 0))) | (too & ((c.value == 0) | (d.value == 0)))
+    return SimpleNamespace(
+        is_nan=a.is_nan | b.is_nan | c.is_nan | d.is_nan | undefined | (infinite & too & (sign ^ other)),
+        is_infinite=infinite | too, by_zero=C(0),
+        sign=Mux(infinite, sign, Mux(too, other, Mux(total == 0, Mux(sign == other, sign, down), total < 0))),
+        scaled=4 * abs(total), per=lambda candidate: candidate << places(fmt))
+
+
 def _quotient(op, down):
     fmt = op.format
     a, b = number(fmt, op.a), number(fmt, op.b)
@@ -109,7 +123,8 @@ def _from_fixed(op, down):
         scaled=4 * abs(op.operand) << places(op.format), per=lambda c: c << op.fraction_bits)
 
 
-EXACT = {"FpAdd": _sum, "FpMultiply": _product, "FpDivide": _quotient, "FpSquareRoot": _square_root,
+EXACT = {"FpAdd": _sum, "FpMultiply": _product, "FpSumOfProducts": _sum_of_products, "FpDivide": _quotient,
+         "FpSquareRoot": _square_root,
          "FpReciprocalSquareRoot": _reciprocal_square_root, "FpToFp": _resized, "FixedToFp": _from_fixed}
 """Maps the class of an operator to its exact result."""
 

@@ -1,0 +1,158 @@
+"""Sum of two products: circuits and twin against fractions of Python integers."""
+
+from itertools import cycle
+
+import numpy as np
+import pytest
+
+from strapdown.fp import BINARY16, BINARY32, BINARY64, FloatFormat, FpSumOfProducts, Rounding
+
+from . import oracle
+from .support import Bank, assert_equal, magnitude, random_numbers, with_exponent
+
+SMALL = FloatFormat(2, 1)
+FORMATS = {f"{name}_{policy}": fmt.with_subnormals(policy)
+           for name, fmt in (("small", SMALL), ("narrow", FloatFormat(3, 4)), ("binary16", BINARY16),
+                             ("binary32", BINARY32), ("binary64", BINARY64))
+           for policy in ("gradual", "flush")}
+MOST = {"gradual": 11, "flush": 10}
+"""Greatest latency for each policy."""
+
+
+@pytest.fixture(scope="module")
+def bank(models, tmp_path_factory):
+    """Every format and rounding, with flags; all depths occur. Rounding does not depend on the width of binary64."""
+    operators: dict[str, FpSumOfProducts] = {}
+    depths = {policy: cycle(range(1, most + 1)) for policy, most in MOST.items()}
+    for name, fmt in FORMATS.items():
+        latencies = depths[fmt.subnormals.value]
+        for rounding in Rounding:
+            if fmt.width < 64 or rounding is Rounding.NEAREST_EVEN:
+                operators[f"{name}_{rounding.value}"] = FpSumOfProducts(
+                    fmt, latency=next(latencies), rounding=rounding, flags=True)
+    operators["plain"] = FpSumOfProducts(BINARY32)
+    return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
+
+
+def product(a, b):
+    """The exact product as a datum; it is signalling if it raises invalid."""
+    undefined = (a.infinite and b.value == 0) or (b.infinite and a.value == 0)
+    negative, is_nan = a.negative != b.negative, a.nan or b.nan or undefined
+    value = None if is_nan or a.infinite or b.infinite else a.value * b.value
+    return oracle.Datum(negative, value, is_nan, a.signalling or b.signalling or undefined)
+
+
+def expected(fmt, rounding, operands, subtract):
+    """Encodings and flags of rows of operands."""
+    data = [[oracle.datum(fmt, encoding) for encoding in rows.tolist()] for rows in operands]
+    return np.array([
+        (oracle.subtract if negative else oracle.add)(fmt, product(a, b), product(c, d), rounding.value)
+        for a, b, c, d, negative in zip(*data, subtract.tolist(), strict=True)], dtype=object).T.astype(np.uint64)
+
+
+def check(bank, fmt, operands, subtract):
+    """Compare circuits and twins of a format with the oracle."""
+    shown = dict(zip("abcd", operands, strict=True), subtract=subtract)
+    results = bank.run(**shown)
+    numbers = [fmt.from_bits(rows) for rows in operands]
+    for name, op in bank.operators.items():
+        if op.format == fmt:
+            encodings, flags = expected(fmt, op.rounding, operands, subtract)
+            assert_equal(name, results[name]["result"], encodings, shown)
+            assert_equal(f"{name}, twin", fmt.to_bits(op.compute(*numbers, subtract)), encodings, shown)
+            assert_equal(f"{name}, flags of twin", op.compute_flags(*numbers, subtract), flags, shown)
+            if "flags" in results[name]:
+                assert_equal(f"{name}, flags", results[name]["flags"], flags, shown)
+
+
+def random_operands(fmt, count, rng):
+    """Random rows: independent; the second product near the first; products whose bits meet in the sum; products
+    whose sum is near the ends of the range."""
+    a, b, c, d = (random_numbers(fmt, count, rng) for _ in range(4))
+    kind = rng.integers(0, 4, count)
+    mask = np.uint64((1 << fmt.width) - 1 if fmt.width < 64 else ~np.uint64(0))
+    near = [(rows + rng.integers(-2, 3, count).astype(np.uint64)) & mask for rows in (a, b)]
+    c, d = np.where(kind == 1, near[0], c), np.where(kind == 1, near[1], d)
+    exponents = [(magnitude(fmt, rows) >> np.uint64(fmt.fraction_width)).astype(np.int64) for rows in (a, b, c)]
+    ends = rng.choice([2, fmt.bias + 1, 3 * fmt.bias], count) + rng.integers(-2, 3, count)
+    b = np.where(kind == 3, with_exponent(fmt, b, ends - exponents[0]), b)
+    exponents[1] = np.where(kind == 3, np.clip(ends - exponents[0], 0, fmt.exponent_special - 1), exponents[1])
+    meets = exponents[0] + exponents[1] - exponents[2] + rng.integers(-fmt.precision - 4, fmt.precision + 5, count)
+    return a, b, c, np.where(kind >= 2, with_exponent(fmt, d, meets), d)
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("policy", ["gradual", "flush"])
+def test_all_operands_of_a_small_format(bank, policy):
+    fmt = SMALL.with_subnormals(policy)
+    operands = [np.tile(rows.ravel(), 2) for rows in np.meshgrid(*4 * (np.arange(16, dtype=np.uint64),))]
+    places = np.repeat(np.arange(2, dtype=np.uint64), 16**4)
+    chosen = np.random.default_rng(1).permutation(len(places))[:24_000]
+    check(bank, fmt, [rows[chosen] for rows in operands], places[chosen])
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", [name for name in FORMATS if not name.startswith("small")])
+def test_sums(bank, name):
+    rng = np.random.default_rng(2)
+    check(bank, FORMATS[name], random_operands(FORMATS[name], 3000, rng), rng.integers(0, 2, 3000, dtype=np.uint64))
+
+
+@pytest.mark.verilator
+@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush", "binary64_gradual"])
+def test_named_sums(bank, name):
+    fmt = FORMATS[name]
+    one, least = fmt.encode(1), fmt.least_normal
+    great = fmt.infinity - 1
+    rows = np.array([
+        [great, great, great, great],           # a zero sum of products beyond the range
+        [great, great - 1, great, great],
+        [fmt.infinity, one, great, great],      # the infinite product has the smaller exponent
+        [fmt.infinity, least, great, great],
+        [0, great, one, one],                   # a product of zero with a great exponent
+        [one, one, 0, great],
+        [one + 1, one + 1, one, one + 2],       # one unit of the last place of a product is left
+        [least, one, 1, one],
+        [least + 1, one - 1, one, 0],           # just below the least normal number
+    ], dtype=np.uint64)
+    rows = np.concatenate([rows, rows[:, [2, 3, 0, 1]]]).repeat(2, axis=0)
+    check(bank, fmt, [*rows.T], np.tile(np.arange(2, dtype=np.uint64), len(rows) // 2))
+
+
+@pytest.mark.verilator
+def test_handshake(bank):
+    rng = np.random.default_rng(3)
+    operands = {name: rng.integers(0, 1 << 64, 500, dtype=np.uint64) for name in "abcd"}
+    bank.check_handshake(rng, **operands, subtract=rng.integers(0, 2, 500, dtype=np.uint64))
+
+
+@pytest.mark.parametrize(("policy", "most"), MOST.items())
+@pytest.mark.parametrize("latency", [-1, 0, 12])
+def test_latency_out_of_range(policy, most, latency):
+    with pytest.raises(ValueError, match=f"^latency must be from 1 to {most}, not {latency}$"):
+        FpSumOfProducts(BINARY32.with_subnormals(policy), latency=latency)
+
+
+def test_properties():
+    op = FpSumOfProducts(BINARY32)
+    assert (op.format, op.latency, op.interval, op.rounding) == (BINARY32, 9, 1, Rounding.NEAREST_EVEN)
+    assert "flags" not in op.signature.members
+    assert FpSumOfProducts(BINARY32, rounding="upward").rounding is Rounding.UPWARD
+
+
+def test_no_such_rounding():
+    with pytest.raises(ValueError, match=r"^'nearest' is not a valid Rounding$"):
+        FpSumOfProducts(BINARY32, rounding="nearest")
+
+
+def test_twin_broadcasts():
+    total = FpSumOfProducts(BINARY32).compute(np.float32([[1], [2]]), 3.0, 4.0, 5.0, [False, True])
+    assert total.dtype == np.float32
+    assert total.tolist() == [[23.0, -17.0], [26.0, -14.0]]
+
+
+def test_one_rounding():
+    """Products that are rounded first lose what is left of their difference."""
+    a = np.float32(1 + 2.0**-23)
+    assert FpSumOfProducts(BINARY32).compute(a, a, a, a, True) == 0
+    assert FpSumOfProducts(BINARY32).compute(a, a, 1.0, np.float32(1 + 2.0**-22), True) == 2.0**-46
