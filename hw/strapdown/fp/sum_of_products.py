@@ -164,29 +164,35 @@ class FpSumOfProducts(PipelinedOperator):
         outcome = [name for name in classes if name != "opposite"] + ["both_are_zero"]
 
         # Normalise. The lowest bit is the sticky bit, or a one that is a unit too small, so it is repeated. The coarse
-        # distance is counted before the first shift, in groups of bits.
+        # distance is counted before the first shift, in groups of bits. Only the groups that reach the guard bit after
+        # the fine shift are moved. The others become sticky. Where a unit is lacking, they are those of the sum less
+        # one unit: all ones stand for zeros.
         half = levels // 2
-        padded = Cat(C(0, -length % (1 << half)), magnitude)
-        occupied = Cat(padded[low:low + (1 << half)].any() for low in range(0, len(padded), 1 << half))
-        coarse, shifted = Signal(levels - half), magnitude
+        size = 1 << half
+        fill = magnitude[0].replicate(-length % size)
+        padded = Cat(fill, magnitude)
+        count, kept = len(padded) // size, -(-(fmt.precision + size) // size)
+        occupied = Cat(padded[low:low + size].any() for low in range(0, len(padded), size))
+        coarse, shifted = Signal(levels - half), padded
         m.d.comb += coarse.eq(leading_zeros(occupied)[1])
         for level in reversed(range(half, levels)):
-            fill = magnitude[0].replicate(1 << level)
-            shifted = Mux(coarse[level - half], Cat(fill, shifted[:-(1 << level)]), shifted)
+            shifted = Mux(coarse[level - half], Cat(magnitude[0].replicate(1 << level), shifted[:-(1 << level)]), shifted)
+        ones = s.total ^ s.opposite.replicate(length)
+        below = Cat(ones[max(low - len(fill), 0):low + size - len(fill)].any() & (coarse < count - kept - index)
+                    for index, low in enumerate(range(0, (count - kept) * size, size))).any()
         s = rank("coarse", **pick(s, outcome), sign=s.sign ^ lacks_unit, exponent=s.exponent, lacks_unit=lacks_unit,
-                 magnitude=shifted, coarse=coarse)
+                 magnitude=shifted[-kept * size:], below=below, coarse=coarse)
         magnitude, fine = normalise(m, s.magnitude, "normalise", levels=range(half), fill=s.magnitude[0])
         exponent = Signal.like(s.exponent)
         m.d.comb += exponent.eq(s.exponent - Cat(C(0, half), s.coarse))
         outcome += ["sign", "lacks_unit"]
-        s = rank("normalise", **pick(s, outcome), exponent=exponent, magnitude=magnitude, fine=fine)
+        s = rank("normalise", **pick(s, outcome, ("below",)), exponent=exponent, magnitude=magnitude, fine=fine)
 
-        # The bits below the guard bit become one sticky bit. Where a unit is lacking, they are those of the sum less
-        # one unit: all ones stand for zeros.
+        # The bits below the guard bit become sticky.
         exponent = Signal.like(s.exponent)
         m.d.comb += exponent.eq(s.exponent - s.fine)
         rest = s.magnitude[:-fmt.precision - 1]
-        extended = Cat((rest ^ s.lacks_unit.replicate(len(rest))).any(), s.magnitude[-fmt.precision - 1:])
+        extended = Cat(s.below | (rest ^ s.lacks_unit.replicate(len(rest))).any(), s.magnitude[-fmt.precision - 1:])
         is_zero = ~s.magnitude[-1] | s.both_are_zero
         values = {**pick(s, outcome), "sign": Mux(is_zero, s.zero_sign, s.sign), "is_zero": is_zero}
         for name in "zero_sign", "both_are_zero":
