@@ -182,7 +182,7 @@ class FpSumOfProducts(PipelinedOperator):
                     for index, low in enumerate(range(0, (count - kept) * size, size))).any()
         s = rank("coarse", **pick(s, outcome), sign=s.sign ^ lacks_unit, exponent=s.exponent, lacks_unit=lacks_unit,
                  magnitude=shifted[-kept * size:], below=below, coarse=coarse)
-        magnitude, fine = normalise(m, s.magnitude, "normalise", levels=range(half), fill=s.magnitude[0])
+        magnitude, fine = normalise(m, s.magnitude, "normalise", levels=range(half), fill=s.lacks_unit)
         exponent = Signal.like(s.exponent)
         m.d.comb += exponent.eq(s.exponent - Cat(C(0, half), s.coarse))
         outcome += ["sign", "lacks_unit"]
