@@ -176,10 +176,11 @@ class FpSumOfProducts(PipelinedOperator):
         coarse, shifted = Signal(levels - half), padded
         m.d.comb += coarse.eq(leading_zeros(occupied)[1])
         for level in reversed(range(half, levels)):
-            shifted = Mux(coarse[level - half], Cat(magnitude[0].replicate(1 << level), shifted[:-(1 << level)]), shifted)
-        ones = s.total ^ s.opposite.replicate(length)
-        below = Cat(ones[max(low - len(fill), 0):low + size - len(fill)].any() & (coarse < count - kept - index)
-                    for index, low in enumerate(range(0, (count - kept) * size, size))).any()
+            moved = Cat(magnitude[0].replicate(1 << level), shifted[:-(1 << level)])
+            shifted = Mux(coarse[level - half], moved, shifted)
+        rest = s.total ^ s.opposite.replicate(length)
+        below = Cat(rest[max(index * size - len(fill), 0):(index + 1) * size - len(fill)].any()
+                    & (coarse < count - kept - index) for index in range(count - kept)).any()
         s = rank("coarse", **pick(s, outcome), sign=s.sign ^ lacks_unit, exponent=s.exponent, lacks_unit=lacks_unit,
                  magnitude=shifted[-kept * size:], below=below, coarse=coarse)
         magnitude, fine = normalise(m, s.magnitude, "normalise", levels=range(half), fill=s.lacks_unit)

@@ -68,6 +68,7 @@ MUTANTS = (
          ("guards = fmt.precision + 2 if fmt.gradual else 2", "guards = 2", "products of subnormals lose bits"),
          ("smaller &= ~s.one_is_zero", "smaller &= ~s.both_are_zero", "a product of zero is added"),
          ("Cat(s.sticky | lost, aligned)", "Cat(lost, aligned)", "sticky bit of the far shift is lost"),
+         ("(coarse < count - kept - index)", "(coarse < count - kept)", "bits of the result are sticky, too"),
          ("completes = lacks_unit & ~sticky", "completes = lacks_unit & ~lacks_unit", "a unit is lacking"),
          ("overflow = ~s.is_zero & ", "overflow = ", "a zero sum of great products is infinite"),
          ("(~exponent[0] | was_less)", "~exponent[0]", "sums rounded to the least normal number"),
