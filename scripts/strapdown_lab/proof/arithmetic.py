@@ -75,9 +75,12 @@ def _sum_of_products(op, down):
     sign, other = a.sign ^ b.sign, c.sign ^ d.sign ^ op.subtract
     total = Mux(sign, -(a.value * b.value), a.value * b.value) + Mux(other, -(c.value * d.value), c.value * d.value)
     infinite, too = a.is_infinite | b.is_infinite, c.is_infinite | d.is_infinite
+    # A product that is undefined also counts where an operand of the other one is NaN.
     undefined = (infinite & ((a.value == 0) | (b.value == 0))) | (too & ((c.value == 0) | (d.value == 0)))
+    is_nan = a.is_nan | b.is_nan | c.is_nan | d.is_nan
+    cancels = infinite & too & (sign ^ other)
     return SimpleNamespace(
-        is_nan=a.is_nan | b.is_nan | c.is_nan | d.is_nan | undefined | (infinite & too & (sign ^ other)),
+        is_nan=is_nan | undefined | cancels, invalid=undefined | (cancels & ~is_nan),
         is_infinite=infinite | too, by_zero=C(0),
         sign=Mux(infinite, sign, Mux(too, other, Mux(total == 0, Mux(sign == other, sign, down), total < 0))),
         scaled=4 * abs(total), per=lambda candidate: candidate << places(fmt))
@@ -220,7 +223,7 @@ class FloatResult(_Result):
         """IEEE 754-2019, 7, with tininess after rounding; flushed results raise underflow and inexact."""
         flags = op.flags
         finite = ~exact.is_nan & ~exact.is_infinite
-        operands = [Value.cast(getattr(op, name)) for name in ("a", "b") if name in op.signature.members]
+        operands = [Value.cast(getattr(op, name)) for name in "abcd" if name in op.signature.members]
         source = getattr(op, "from_format", fmt)
         nans = [number(source, operand).is_nan for operand in operands]
         signalling = Cat(nan & ~operand[source.fraction_width - 1]
@@ -235,7 +238,7 @@ class FloatResult(_Result):
         stays_tiny = exact.scaled < quarter if rounding in ("nearest_even", "nearest_away") else \
             Mux(_goes_outward(exact, rounding), exact.scaled <= half, tiny)
         m.d.comb += [
-            Assert(flags.invalid == (signalling | (exact.is_nan & ~Cat(nans).any()))),
+            Assert(flags.invalid == (signalling | getattr(exact, "invalid", exact.is_nan & ~Cat(nans).any()))),
             Assert(flags.divide_by_zero == (exact.by_zero & ~exact.is_nan)),
             Assert(flags.overflow == (finite & overflow)),
             Assert(flags.inexact == (finite & (flushed | inexact))),
