@@ -138,7 +138,7 @@ def _draw_operator(area, speed, operator, series):
     for anchor in _anchors(operator):
         area.plot(anchor.latency, anchor.lut, "D", markersize=5, markerfacecolor="white", zorder=3,
                   markeredgecolor=_GRADUAL if anchor.gradual else OURS)
-    area.set_title(operator, loc="left", fontweight="bold", fontsize=10)
+    area.set_title(operator, loc="left", fontweight="bold", fontsize=9)
     area.set_ylabel("LUTs, 7 series", fontsize=8)
     area.set_ylim(0, area.get_ylim()[1] * 1.08)
     area.margins(x=0.2)  # room for names
