@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from strapdown.cores import CONFIGS, axi_core, main_module, make_core
+from strapdown.cores import axi_core, main_module, make_core
 from strapdown.ip.diagram import block_diagram
 from strapdown.ip.guide import guide_text, handshake_wave
 from strapdown.markdown import markdown_table
@@ -12,12 +12,7 @@ from strapdown_lab.checkout import ROOT
 from strapdown_lab.studies.number_format import accuracy_rows, core_configs
 from strapdown_lab.waves import write_wave
 
-__all__ = ["guided_configs", "index_table", "write_guides"]
-
-
-def guided_configs():
-    """Configurations whose main module has equations; the others have a page of their own in docs."""
-    return [CONFIGS[config.name] for config in core_configs()]
+__all__ = ["index_table", "write_guides"]
 
 
 def write_guides(folder: Path, make_core: Callable = make_core) -> Iterator[Path]:
@@ -26,7 +21,7 @@ def write_guides(folder: Path, make_core: Callable = make_core) -> Iterator[Path
     measured = {row["config"]: row for row in _json(report / "cores.json")["cores"]}
     differences = _json(report / "number_format.json")
     folder.mkdir(exist_ok=True)
-    for config in guided_configs():
+    for config in core_configs():
         name = config.name
         bus = axi_core(config, core=make_core(main_module(config), config))
         page, blocks, wave = folder / f"{name}.md", folder / f"{name}.svg", folder / f"{name}_update.svg"
@@ -41,7 +36,7 @@ def index_table() -> str:
     """Table of the guides, for the page that lists them."""
     return markdown_table(["configuration", "module", "what it is"], [
         [f"[`{config.name}`](guides/{config.name}.md)", f"`{main_module(config)}`", config.description]
-        for config in guided_configs()])
+        for config in core_configs()])
 
 
 def _json(path):

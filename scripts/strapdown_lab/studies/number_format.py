@@ -24,9 +24,8 @@ REST_S = 4
 
 
 def core_configs():
-    """Configurations of one channel whose main module has equations and a recording or a flight as its motion."""
-    return [config.replace(channels=1, interval=None) if config.channels > 1 else config
-            for config in CONFIGS.values() if not config.assemblies()]
+    """Configurations whose main module has equations, and a recording or a flight as its motion."""
+    return [config for config in CONFIGS.values() if not config.assemblies()]
 
 
 def motion(config, system):
