@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from strapdown.cli import main
 from strapdown.cli.common import named_configuration
+from strapdown.cordic import TableAtan2
 from strapdown.cores import CONFIGS, QUATERNION_J2, SINS, THESIS, system_of
 from strapdown.fp import FpAdd
 from strapdown.kernel import Pool
@@ -48,6 +49,9 @@ def test_axes_are_the_parameters_of_useful_operators():
                                                   "arctangent_steps_per_cycle"}
     assert axes["adders"] == (1, 2, 3)
     assert axes["adder_latency"] == tuple(range(1, len(FpAdd.PIPELINE.cuts) + 1))
+    # One of many latencies: from the least to the greatest, which is the default.
+    ranks = grid_of(THESIS, system_of("INS_top", THESIS)).axes["table_arctangent_latency"]
+    assert (len(ranks), ranks[0], ranks[-1]) == (8, 2, len(TableAtan2.PIPELINE.cuts))
     # A comparison can be the sign of a difference: the operator can be absent.
     assert axes["comparators"][0] == 0
     assert "adder_latency" not in quaternion_grid(timing=False).axes
@@ -219,7 +223,8 @@ def test_the_command_picks_a_pool_that_generate_makes(tools):
     assert made.output.split()[1:] == [str(chosen["cycles"]), "cycles"]
     page = written("md")
     assert command in page
-    assert "4 of the 4 pools of the grid were scheduled; 0 were refused by the engine" in page
+    assert "the grid has 4 pools; 4 were scheduled, those of the named configurations among them; " \
+        "the engine refused 0" in page
 
 
 def test_a_second_run_schedules_nothing(tools, monkeypatch):
@@ -248,16 +253,51 @@ def test_a_large_grid_is_walked_within_the_limit(tools):
     assert told == (result["left"] > 0)
 
 
-def test_a_pool_that_a_tool_refuses_is_told(tools, monkeypatch):
-    found = search.synthesise_xc7
+def refusing(monkeypatch, tool, refused):
+    """Lets a tool fail on what ``refused`` says of a circuit and its top module."""
+    found = getattr(search, tool)
 
-    def fails(verilog, top, cache):
-        if top == "QUAT_direct" and "adders" in verilog:
+    def fails(verilog, top, cache, **options):
+        if refused(verilog, top):
             raise ToolError("yosys", 1, "ERROR: no room")
-        return found(verilog, top, cache)
+        return found(verilog, top, cache, **options)
 
-    monkeypatch.setattr(search, "synthesise_xc7", fails)
-    assert "2 failed in a tool: yosys failed with status 1: ERROR: no room" in run(f"{VARY} --no-place")
+    monkeypatch.setattr(search, tool, fails)
+
+
+FAILED = "2 failed in a tool: yosys failed with status 1: ERROR: no room"
+
+
+@pytest.mark.parametrize(("tool", "refused"), [
+    # Circuits are the settings in JSON here, operators their own names.
+    ("synthesise_xc7", lambda verilog, top: top == "QUAT_direct" and "adders" in verilog),
+    ("place_ecp5", lambda verilog, top: top == "QUAT_direct" and "adders" in verilog)])
+def test_a_pool_that_a_tool_refuses_is_a_row_that_says_why(tools, monkeypatch, tool, refused):
+    refusing(monkeypatch, tool, refused)
+    lines = run(f"{VARY} --routes 4")
+    assert FAILED in lines
+    assert lines[-2].startswith("strapdown generate")
+    rows = [line for line in written("md").splitlines() if "| failed |" in line]
+    assert len(rows) == 2
+    assert all(line.endswith(": yosys failed with status 1: ERROR: no room |") and "adders 2" in line for line in rows)
+    pools = json.loads(written("json"))["pools"]
+    assert ["failed" in pool for pool in pools] == [False, False, True, True]
+    assert not any(pool["front"] or pool["picked"] for pool in pools[2:])
+
+
+def test_a_pool_whose_operator_a_tool_refuses(tools, monkeypatch):
+    """The operator fails alone, before the pool. The other latency works."""
+    monkeypatch.setattr(search, "to_verilog", lambda component, name: f"{name} {component.latency}")
+    refusing(monkeypatch, "synthesise_xc7", lambda verilog, top: verilog == "FpMultiply 3")
+    lines = run("quaternion_j2 --vary multipliers=1,2 --vary multiplier_latency=2,3 --jobs 1")
+    assert FAILED in lines
+    assert sum("failed" in pool for pool in json.loads(written("json"))["pools"]) == 2
+
+
+def test_nothing_is_left_of_the_grid(tools, monkeypatch):
+    refusing(monkeypatch, "synthesise_xc7", lambda verilog, top: top == "QUAT_direct")
+    assert run("quaternion_j2 --vary adders=1 --jobs 1", 2)[-1] == \
+        "strapdown: no pool went through the tools: yosys failed with status 1: ERROR: no room"
 
 
 @pytest.mark.parametrize(("arguments", "message"), [

@@ -88,6 +88,9 @@ def explore(target, config_name, changes, module, varied, pools, syntheses, rout
             search.run()
     except (ConfigError, JobsError, ToolMissingError, ValueError) as error:
         raise UserError(str(error)) from None
+    if not search.complete:
+        raise UserError("no pool went through the tools: " + next(
+            (row["failed"] for row in search.rows if "failed" in row), "the engine refuses all"))
     if place:
         source["ecp5"]["seeds"] = list(range(1, seeds + 1))
     result = _result(search, source, wish, options)
@@ -124,7 +127,7 @@ def _result(search, source, wish, options):
     """The figures of a search, with the pick and notes."""
     result = source | search.result()
     measured_rows = [row for row in result["pools"] if "xc7" in row]
-    for number, row in enumerate(measured_rows, 1):
+    for number, row in enumerate((row for row in result["pools"] if "xc7" in row or "failed" in row), 1):
         row["number"] = number
     complete = [row for row in measured_rows if not search.place or "ecp5" in row]
     chosen = pick(complete, wish, measured)
@@ -155,10 +158,10 @@ def _nearest(result):
 
 def _notes(result, synthesised, complete, search):
     """What was measured, what was estimated, and how."""
-    count = f"{result['scheduled']:,} of the {result['grid']:,} pools of the grid were scheduled"
-    if result["grid"] > result["scheduled"]:
-        count += ", those beside the front of the estimates"
-    lines = [f"{count}; {result['refused']:,} were refused by the engine",
+    among = ("those of the named configurations among them" if result["grid"] <= search.limits.pools else
+             "those of the named configurations, and those beside the front of the estimates")
+    lines = [f"the grid has {result['grid']:,} pools; {result['scheduled']:,} were scheduled, {among}; "
+             f"the engine refused {result['refused']:,}",
              f"{synthesised} were synthesised{f', and {complete} of these placed and routed' if search.place else ''}"]
     if result["left"]:
         lines.append(f"{result['left']} more are on the front of the estimates, but were not measured: raise "

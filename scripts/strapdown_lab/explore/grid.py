@@ -22,6 +22,9 @@ MOST_UNITS = 3
 MOST_VALUES = 8
 """Greatest number of values of a parameter of an operator."""
 
+GREATEST_VALUE = 64
+"""Greatest value of it that is tried."""
+
 
 def pool_key(pool: Pool) -> str:
     """A text that is the same for equal parameters."""
@@ -243,13 +246,13 @@ def _rivals(offered, present):
 
 
 def _timings(operator: Operator, name: str, format: FloatFormat) -> tuple:
-    """Values of a parameter of an operator: those of its type, or whole numbers from the least that it takes on. A
-    number that changes neither latency nor interval is left out."""
+    """Values of a parameter of an operator: those of its type, or of the whole numbers that it takes, from the least to
+    the greatest. A number that changes neither latency nor interval is left out."""
     hint = get_type_hints(type(operator))[name]
     if hint is not int:
         return _choices(hint, getattr(operator, name))
     values: dict[tuple, int] = {}
-    for value in range(1, 2 * MOST_VALUES + 1):
+    for value in range(1, GREATEST_VALUE + 1):
         try:
             made = replace(operator, **{name: value}).make(format)
         except (TypeError, ValueError):
@@ -257,9 +260,8 @@ def _timings(operator: Operator, name: str, format: FloatFormat) -> tuple:
                 break
             continue
         values.setdefault((made.latency, made.interval), value)
-        if len(values) == MOST_VALUES:
-            break
-    return tuple(values.values())
+    last, steps = len(values) - 1, min(len(values), MOST_VALUES) - 1
+    return tuple(list(values.values())[last * step // max(steps, 1)] for step in range(steps + 1))
 
 
 def _choices(hint: Any, present: Any) -> tuple:

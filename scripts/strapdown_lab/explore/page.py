@@ -24,20 +24,27 @@ def _complete(result):
 
 
 def explore_table(result):
-    """Table of the pools that were synthesised, the fastest first, with their numbers in the picture."""
-    rows = [row for row in result["pools"] if "xc7" in row]
+    """Table of the pools that the tools got, the fastest first, with their numbers in the picture; below, those that a
+    tool failed on."""
     cells = []
-    for row in rows:
-        own = measured(row)
-        routed = "ecp5" in row
-        clock = f"{own['mhz']:.0f}" if routed else f"≤ {row['estimate']['mhz']:.0f}" if row["estimate"]["mhz"] else "–"
-        time = f"{own['us']:.2f}" if routed else f"≥ {expected(row)['us']:.2f}" if row["estimate"]["mhz"] else "–"
-        cells.append([row["number"], ", ".join(f"`{name}`" for name in row["names"]), row["cycles"], clock, time,
-                      f"{own['lut']:,}", f"{own['ff']:,}", own["dsp"], f"{own['bram']:g}",
-                      ("picked" if row["picked"] else "yes") if row["front"] else "picked" if row["picked"] else "",
-                      pool_words(row["settings"])])
+    for row in result["pools"]:
+        changes = pool_words(row["settings"])
+        if "failed" in row:
+            cells.append([row["number"], _names(row), row["cycles"], *"––––––", "failed",
+                          f"{changes}: {row['failed']}"])
+        elif "xc7" in row:
+            own, bound = measured(row), row["estimate"]["mhz"]
+            clock, time = (f"{own['mhz']:.0f}", f"{own['us']:.2f}") if "ecp5" in row else (
+                f"≤ {bound:.0f}", f"≥ {expected(row)['us']:.2f}") if bound else "––"
+            cells.append([row["number"], _names(row), row["cycles"], clock, time, f"{own['lut']:,}", f"{own['ff']:,}",
+                          own["dsp"], f"{own['bram']:g}", "picked" if row["picked"] else "yes" if row["front"] else "",
+                          changes])
     return markdown_table(["no.:", "configuration", "cycles:", "MHz, ECP5:", "µs:", "LUT:", "FF:", "DSP:", "BRAM:",
                            "front", f"changes of `{result['config']}`"], cells)
+
+
+def _names(row):
+    return ", ".join(f"`{name}`" for name in row["names"])
 
 
 def page(result):
@@ -62,7 +69,7 @@ def explore_picture(path, result):
     placed = "ecp5" in result
     figure = Figure(figsize=(9.0, 6.0), dpi=150, layout="constrained")
     axes = figure.subplots()
-    rest = [row for row in result["pools"] if not any(row is other for other in done)]
+    rest = [row for row in result["pools"] if "failed" not in row and not any(row is other for other in done)]
     axes.scatter([expected(row)["time"] for row in rest], [expected(row)["lut"] for row in rest], s=14, zorder=2,
                  facecolor="none", edgecolor=_REST, linewidth=0.8)
     best = staircase(done, measured)

@@ -1,5 +1,6 @@
 """Schedules the pools of a grid, synthesises those that may be on the front, places and routes those that are."""
 
+import json
 import statistics
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
@@ -13,7 +14,7 @@ from strapdown.export.backend import to_verilog
 from strapdown.kernel.pool import Pool
 from strapdown.tools import ToolError
 from strapdown_lab.synthesis import place_ecp5, synthesise_xc7
-from strapdown_sim.cache import Cache
+from strapdown_sim.cache import Cache, digest
 from strapdown_sim.jobs import Workers, outcome, submit_cached
 
 from .estimate import estimate
@@ -76,9 +77,10 @@ class Search:
     progress : callable
         Called with a stage, the number of its jobs that are done, and the number of all.
     rows : list of dict
-        The pools, as JSON values: ``settings``, the changes of the configuration that make it; ``names`` of
-        configurations that have it; ``cycles``, ``latency``; ``estimate``; ``xc7`` after synthesis; ``ecp5`` after
-        place and route; ``failed``, the tool's error in one line.
+        The pools, as JSON values: ``pool``, its parameters; ``settings``, the changes of the configuration that make
+        it; ``names`` of configurations that have it; ``cycles``, ``latency``; ``estimate``; ``verilog_sha256``, the
+        digest of the circuit, and ``xc7`` after synthesis; ``ecp5`` after place and route; ``failed``, the error of a
+        tool in one line. A pool that failed stays a row, and no tool gets it again.
     refused : int
         Number of pools that the engine refuses.
     """
@@ -109,14 +111,19 @@ class Search:
             self._schedule(self.grid)
         else:
             self._walk()
-        self._synthesise(front(self.rows, expected, MARGIN), self.limits.syntheses)
+        self._synthesise(front(self.working, expected, MARGIN), self.limits.syntheses)
         if self.place:
-            self._route(front([row for row in self.rows if "xc7" in row], expected), self.limits.routes)
+            self._route(front([row for row in self.working if "xc7" in row], expected), self.limits.routes)
+
+    @property
+    def working(self) -> list[Row]:
+        """Rows that no tool has failed on."""
+        return [row for row in self.rows if "failed" not in row]
 
     @property
     def named(self) -> list[Row]:
-        """Rows that are those of configurations."""
-        return [row for row in self.rows if row["names"]]
+        """Of these, the rows that are those of configurations."""
+        return [row for row in self.working if row["names"]]
 
     @property
     def complete(self) -> list[Row]:
@@ -135,7 +142,7 @@ class Search:
         """Goes from the pools on the front to their neighbours, until all neighbours are known."""
         walked: set[str] = set()
         while len(self._pools) < self.limits.pools:
-            best = [row for row in front(self.rows, expected) if row["key"] not in walked]
+            best = [row for row in front(self.working, expected) if row["key"] not in walked]
             if not best:
                 return
             fresh: dict[str, Pool] = {}
@@ -169,11 +176,16 @@ class Search:
             for kind in {*plan["units"]}:
                 self._measure_unit(pool, kind)
         for key, pool, settings, plan in found:
-            units = {kind: outcome(self._measure_unit(pool, kind)) for kind in {*plan["units"]}}
-            self.rows.append({"key": key, "settings": settings, "names": self._names.get(key, []),
-                              "cycles": plan["cycles"], "latency": plan["latency"],
-                              "units": {kind: plan["units"].count(kind) for kind in dict.fromkeys(plan["units"])},
-                              "estimate": estimate(plan, units)})
+            row = {"key": key, "pool": json.loads(key), "settings": settings, "names": self._names.get(key, []),
+                   "cycles": plan["cycles"], "latency": plan["latency"],
+                   "units": {kind: plan["units"].count(kind) for kind in dict.fromkeys(plan["units"])}}
+            self.rows.append(row)
+            try:
+                units = {kind: outcome(self._measure_unit(pool, kind)) for kind in row["units"]}
+            except ToolError as error:
+                row["failed"] = error.line
+            else:
+                row["estimate"] = estimate(plan, units)
 
     def _measure_unit(self, pool: Pool, kind: str) -> Future:
         """Job with the resources of an operator alone."""
@@ -195,6 +207,7 @@ class Search:
         running = []
         for row, text in texts:
             row["verilog"] = outcome(text)
+            row["verilog_sha256"] = digest(row["verilog"])
             running.append((row, self._counted("synthesis", submit_cached(
                 self.tools, self.cache, synthesise_xc7, row["verilog"], self.module))))
         for row, job in running:
@@ -244,7 +257,8 @@ class Search:
         best = {row["key"] for row in front(self.complete, measured)}
         rows = [{name: value for name, value in row.items() if name not in ("verilog", "key")} |
                 {"front": row["key"] in best} for row in self.rows]
-        rows.sort(key=lambda row: (measured(row) if "xc7" in row else expected(row))["time"])
+        rows.sort(key=lambda row: ("failed" in row, row["cycles"] if "failed" in row else
+                                   (measured(row) if "xc7" in row else expected(row))["time"]))
         return {"config": self.config.name, "module": self.module,
                 "base": {name: getattr(value, "value", value) for name, value in self.grid.base.parameters.items()},
                 "axes": {name: [getattr(value, "value", value) for value in values]
@@ -255,7 +269,7 @@ class Search:
     def _left(self):
         """Pools that the estimates put on the front, but that no tool has measured."""
         done = {row["key"] for row in self.complete}
-        return sum(row["key"] not in done and "failed" not in row for row in front(self.rows, expected))
+        return sum(row["key"] not in done for row in front(self.working, expected))
 
     def _errors(self):
         """Errors of the estimates, as shares: the median, and the largest in magnitude."""
