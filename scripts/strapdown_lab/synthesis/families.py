@@ -158,7 +158,9 @@ FAMILIES = (
     # family's nextpnr refuses the carry chains of this Yosys: it wants the first carry input open, and Yosys ties it.
     Family("Nexus", "LIFCL-40", {"lut": 32_256, "ff": 32_256, "dsp": 56, "bram": 84}, "synth_nexus -family lifcl",
            {"lut": _each(1, "LUT4", "INV") | _each(2, "WIDEFN9", "CCU2") | _each(4, "DPR16X4"),
-            "dsp": _each(1, "MULT18X18") | _each(2, "MULT18X36") | _each(4, "MULT36X36") | _each(0.5, "MULT9X9"),
+            # Two multipliers of 18 x 18 bits share the accumulator behind them.
+            "dsp": (_each(1, "MULT18X18") | _each(2, "MULT18X36", "MULTADDSUB18X18")
+                    | _each(4, "MULT36X36", "MULTADDSUB36X36") | _each(0.5, "MULT9X9")),
             "bram": _each(1, "PDPSC16K", "PDP16K", "DP16K"),
             "ff": _flip_flops("FD1P3", "BX", "DX", "IX", "JX")},
            frozenset({*_BUFFERS, "IB", "OB", "VHI", "VLO"})),
