@@ -18,9 +18,9 @@ def core_error(module, config, q):
 
 
 def ins_euler_error(q):
-    """Errors of INS_euler on the matrices of INS_top at the attitudes q: degrees, shape (N,)."""
-    system, top = system_of("INS_euler", THESIS), system_of("INS_top", THESIS)
-    _, c = update_at(q, top, partial(top.update_twin, THESIS.pool))
+    """Errors of INS_euler on the matrices of INS_matx at the attitudes q: degrees, shape (N,)."""
+    system, matx = system_of("INS_euler", THESIS), system_of("INS_matx", THESIS)
+    c = matx.read(matx.update_twin(THESIS.pool, matx.bind(q=q)))["c"].astype(float)
     elements = np.stack([c[:, 0, 0], c[:, 0, 1], c[:, 0, 2], c[:, 1, 2], c[:, 2, 2]], axis=-1)
     return angle_error(system.read(system.update_twin(THESIS.pool, system.bind(c=elements)))["angles"], c)
 
