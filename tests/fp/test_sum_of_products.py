@@ -112,7 +112,7 @@ def test_sums(bank, name):
 def test_named_sums(bank, name):
     fmt = FORMATS[name]
     one, least = fmt.encode(1), fmt.least_normal
-    great = fmt.infinity - 1
+    great, top = fmt.infinity - 1, (fmt.exponent_special - 2) << fmt.fraction_width
     rows = np.array([
         [great, great, great, great],           # a zero sum of products beyond the range
         [great, great - 1, great, great],
@@ -123,6 +123,8 @@ def test_named_sums(bank, name):
         [one + 1, one + 1, one, one + 2],       # one unit of the last place of a product is left
         [least, one, 1, one],
         [least + 1, one - 1, one, 0],           # just below the least normal number
+        # The product of a subnormal number has the greater exponent, and is nearly that of two normal numbers.
+        [1, top, least + 1, top + 1 - (fmt.fraction_width << fmt.fraction_width)],
     ], dtype=np.uint64)
     rows = np.concatenate([rows, rows[:, [2, 3, 0, 1]]]).repeat(2, axis=0)
     check(bank, fmt, [*rows.T], np.tile(np.arange(2, dtype=np.uint64), len(rows) // 2))
