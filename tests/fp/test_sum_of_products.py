@@ -124,7 +124,7 @@ def test_named_sums(bank, name):
         [least, one, 1, one],
         [least + 1, one - 1, one, 0],           # just below the least normal number
         # The product of a subnormal number has the greater exponent, and is nearly that of two normal numbers.
-        [1, top, least + 1, top + 1 - (fmt.fraction_width << fmt.fraction_width)],
+        [1, top, least + 5, top + 3 - (fmt.fraction_width << fmt.fraction_width)],
     ], dtype=np.uint64)
     rows = np.concatenate([rows, rows[:, [2, 3, 0, 1]]]).repeat(2, axis=0)
     check(bank, fmt, [*rows.T], np.tile(np.arange(2, dtype=np.uint64), len(rows) // 2))
