@@ -9,10 +9,10 @@ from strapdown_lab.report.measure import core_circuit, cycles_of, digest
 from strapdown_lab.synthesis import Xc7Resources, synthesise_xc7
 
 BUDGETS = {
-    "thesis": {"cycles": 270, "lut": 2500, "dsp": 6, "bram": 2},
-    "thesis_compact": {"cycles": 2000, "lut": 1010, "dsp": 4, "bram": 2},
-    "thesis_fast": {"cycles": 170, "lut": 6000, "dsp": 24, "bram": 2},
-    "thesis_x8": {"cycles": 110, "lut": 3300, "dsp": 6, "bram": 2},
+    "thesis": {"cycles": 148, "lut": 1950, "dsp": 12, "bram": 4},
+    "thesis_compact": {"cycles": 360, "lut": 850, "dsp": 4, "bram": 3},
+    "thesis_fast": {"cycles": 120, "lut": 3600, "dsp": 14, "bram": 5},
+    "thesis_x8": {"cycles": 91, "lut": 2300, "dsp": 12, "bram": 7},
     "flight": {"cycles": 450, "lut": 3800, "dsp": 6},
     "quaternion_j2": {"cycles": 70, "lut": 1500},
     "sins": {"lut": 6000},
