@@ -15,7 +15,7 @@ SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus demo verilog ip bitstream test test-ip sim report families compare formal exhaustive spots mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog ip bitstream test test-ip sim report families compare peers formal exhaustive spots mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -95,6 +95,10 @@ families: $(VENV)/ready-report ## Synthesise, place and route configurations for
 
 compare: $(VENV)/ready-report ## Compare the cores with those of the commit BASE: cycles, resources, clock frequency.
 	$(BIN)/strapdown compare $(BASE) --output build/compare
+
+peers: setup ## Time attitude filters in C on a core of this machine, for `make docs`; see docs/report.md.
+	$(BIN)/python scripts/fetch_recording.py build/recordings
+	$(BIN)/python -m strapdown_lab.studies.peers
 
 formal: $(VENV)/ready-formal ## Prove properties of operators and engines; ONLY=REGEX selects some. See docs/proof.md.
 	$(BIN)/python -m strapdown_lab.proof formal --only '$(ONLY)'

@@ -356,6 +356,13 @@ def faults(words, place):
     assert json.loads(record.read_text(encoding="utf-8"))["faults"] == 10_000
 
 
+def peers(words, place):
+    """No filter is compiled: an empty folder has none. tests/lab/test_peers.py times some."""
+    done = subprocess.run([sys.executable, *words[1:-1], place.folder], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"{place.folder} has no folder ")
+
+
 def make(words, place):
     """Make prints its commands; the project's own commands among them are run by their rules."""
     done = subprocess.run(["make", "--dry-run", "--always-make", *words[1:]], cwd=ROOT, capture_output=True, text=True,
@@ -396,7 +403,7 @@ def recipe(words, place):
             faults(rest, place)
         case ["python", "-m", "strapdown_lab.studies.optical" | "strapdown_lab.studies.optical_pins"
               | "strapdown_lab.studies.flight_cases" | "strapdown_lab.studies.flight_cross"
-              | "strapdown_lab.studies.flight_magnet", *_]:
+              | "strapdown_lab.studies.flight_magnet" | "strapdown_lab.studies.peers", *_]:
             # tests/lab measures some of their figures.
             pass
         case ["python", "-m", "strapdown_lab.docs"]:
@@ -406,8 +413,8 @@ def recipe(words, place):
             raise AssertionError(f"no rule for {other}")
 
 
-OWN = {"demo", "verilog", "ip", "report", "families", "compare", "formal", "exhaustive", "spots", "mutants", "faults",
-       "accuracy", "docs"}
+OWN = {"demo", "verilog", "ip", "report", "families", "compare", "peers", "formal", "exhaustive", "spots", "mutants",
+       "faults", "accuracy", "docs"}
 """Targets whose recipes call commands of the project; others call tools, which `make -n` shows."""
 
 RULES = {
@@ -431,6 +438,7 @@ RULES = {
     r"strapdown optical(?: .*)?": optical,
     r"python -m strapdown_lab\.proof .*": lambda words, place: proofs(words[3:], place),
     r"python -m strapdown_lab\.faults": lambda words, place: place.invoke(flips, ["--help"]),
+    r"python -m strapdown_lab\.studies\.peers FOLDER": peers,
     r"scripts/\S+\.py": lambda words, place: (ROOT / words[0]).read_text(encoding="utf-8"),
     r"arm-linux-gnueabihf-gcc .*": compiled,
     # A test builds the wheel and installs it: tests/test_package.py.

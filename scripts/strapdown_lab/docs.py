@@ -58,6 +58,7 @@ from .studies.flight_options import options_table
 from .studies.flight_parts import parts_table
 from .studies.optical import flights_table, geometry_lines, positions_table
 from .studies.optical_pins import pins_table, rules_table
+from .studies.peers import peers_blocks
 from .studies.pole import POLE_CORES, pole_errors
 
 
@@ -299,6 +300,13 @@ def magnet_blocks():
     return magnet_tables(json.loads((ROOT / "docs" / "report" / "flight_magnet.json").read_text(encoding="utf-8")))
 
 
+def software_blocks():
+    """Tables of docs/report.md with filters in software, by the name of their block."""
+    peers, cores = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
+                    for name in ("peers", "cores"))
+    return peers_blocks(peers, cores)
+
+
 def operator_pages():
     """Pages of docs/operators, by the name of their operator, with measured resources if available."""
     figures = ROOT / "docs" / "report" / "operators.json"
@@ -322,7 +330,8 @@ STUDIES = (
     ("flight_options", "docs/flight.md", lambda: {"options": options_block()}),
     ("flight_cases", "docs/flight.md", lambda: {"cases": cases_block()}),
     ("flight_cross", "docs/flight.md", cross_blocks),
-    ("flight_magnet", "docs/flight.md", magnet_blocks))
+    ("flight_magnet", "docs/flight.md", magnet_blocks),
+    ("peers", "docs/report.md", software_blocks))
 """Name of a file of docs/report, a page, and what makes the page's blocks of that file."""
 
 
