@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -70,6 +71,11 @@ def test_a_missing_compiler_is_told(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(peers.PeersError, match=r"^the compiler cc is missing \(Debian: apt-get install g\+\+\)$"):
         peers.timed(peers.FUSION, tmp_path, "-O0", rest(1), 1)
+
+
+def test_a_missing_magnetometer_is_told(tmp_path):
+    with pytest.raises(peers.PeersError, match=r"^the recording rest has no magnetometer: the filters need nine axes$"):
+        peers.timed(peers.FUSION, tmp_path, "-O0", replace(rest(1), mag=None), 1)
 
 
 @pytest.mark.parametrize("peer", peers.PEERS, ids=lambda peer: peer.title)

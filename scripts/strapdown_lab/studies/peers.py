@@ -46,7 +46,7 @@ CORES = "thesis", "thesis_fast", "thesis_x8", "flight"
 
 
 class PeersError(RuntimeError):
-    """The sources of the filters or a compiler are missing. The message is one line that names the remedy."""
+    """The sources of the filters, a compiler or the magnetometer is missing. The message is one line."""
 
 
 class Peer(NamedTuple):
@@ -203,6 +203,8 @@ def timed(peer: Peer, folder: Path, flags: str, recording: Recording, passes: in
 
     Raises: PeersError, ToolError.
     """
+    if recording.mag is None:
+        raise PeersError(f"the recording {recording.name} has no magnetometer: the filters need nine axes")
     force = recording.accel / STANDARD_GRAVITY
     samples = np.column_stack([recording.gyro_deg_s, force, recording.mag, np.linalg.norm(force, axis=1)])
     with TemporaryDirectory() as place:
