@@ -38,7 +38,7 @@ REQUIREMENTS = HARNESS / "requirements.txt"
 FLAGS = "-O2", "-O3 -march=native"
 """Options of the compilers, a measurement for each."""
 
-PASSES = 200
+PASSES = 500
 """How often each filter takes the recording."""
 
 CORES = "thesis", "thesis_fast", "thesis_x8", "flight"
