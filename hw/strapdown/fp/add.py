@@ -4,14 +4,14 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import Pipeline, PipelinedOperator, pick
-from .rounding import Rounding, flags_member
+from .pipeline import Pipeline, RoundedOperator, pick
+from .rounding import Rounding
 from .stages import pack, shift_right, unpack
 
 __all__ = ["FpAdd"]
 
 
-class FpAdd(PipelinedOperator):
+class FpAdd(RoundedOperator):
     """Sum of two floating-point numbers, ``result = a + b`` or ``a - b``.
 
     Parameters
@@ -50,21 +50,8 @@ class FpAdd(PipelinedOperator):
                         default_latency=5)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
-        self._format = format
-        self._rounding = Rounding(rounding)
-        self._flags = bool(flags)
-        super().__init__({"a": format.layout, "b": format.layout, "subtract": 1},
-                         {"result": format.layout, **flags_member(flags)}, latency=latency)
-
-    @property
-    def format(self):
-        """Format of operands and result."""
-        return self._format
-
-    @property
-    def rounding(self):
-        """Direction of rounding."""
-        return self._rounding
+        super().__init__(format, {"a": format.layout, "b": format.layout, "subtract": 1}, latency=latency,
+                         rounding=rounding, flags=flags)
 
     def compute(self, a, b, subtract=False):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""

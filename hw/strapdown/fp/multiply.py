@@ -4,8 +4,8 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import Pipeline, PipelinedOperator, pick
-from .rounding import Rounding, flags_member
+from .pipeline import Pipeline, RoundedOperator, pick
+from .rounding import Rounding
 from .stages import (
     FINE_LEVELS,
     align_subnormal,
@@ -19,7 +19,7 @@ from .stages import (
 __all__ = ["FpMultiply"]
 
 
-class FpMultiply(PipelinedOperator):
+class FpMultiply(RoundedOperator):
     """Product of two floating-point numbers, ``result = a * b``.
 
     Parameters
@@ -60,22 +60,8 @@ class FpMultiply(PipelinedOperator):
         priority=("result", "partial", "normalise", "unpack", "align", "coarse", "product", "round"), default_latency=6)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
-        self._format = format
-        self._rounding = Rounding(rounding)
-        self._flags = bool(flags)
-        super().__init__({"a": format.layout, "b": format.layout},
-                         {"result": format.layout, **flags_member(flags)}, latency=latency,
-                         pipeline=self.GRADUAL_PIPELINE if format.gradual else self.PIPELINE)
-
-    @property
-    def format(self):
-        """Format of operands and result."""
-        return self._format
-
-    @property
-    def rounding(self):
-        """Direction of rounding."""
-        return self._rounding
+        super().__init__(format, {"a": format.layout, "b": format.layout}, latency=latency, rounding=rounding,
+                         flags=flags)
 
     def compute(self, a, b):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""

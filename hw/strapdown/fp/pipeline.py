@@ -9,7 +9,9 @@ from amaranth.lib.wiring import In, Out
 
 from strapdown.component import Described
 
-__all__ = ["Pipeline", "PipelinedOperator", "Ranks", "pick"]
+from .rounding import Rounding, flags_member
+
+__all__ = ["Pipeline", "PipelinedOperator", "Ranks", "RoundedOperator", "pick"]
 
 
 class Pipeline(NamedTuple):
@@ -79,6 +81,45 @@ class PipelinedOperator(Described):
     def ranks(self, m):
         """The register ranks of this operator's pipeline, for use in ``elaborate``."""
         return Ranks(m, self._pipeline.cuts, self._pipeline.priority[:self._latency], self.start)
+
+
+class RoundedOperator(PipelinedOperator):
+    """Base of the pipelined operators whose result is a rounded number of the format of their operands.
+
+    Parameters
+    ----------
+    format : FloatFormat
+        Format of operands and result.
+    operands : dict
+        Maps each operand to its shape.
+    latency : int or None
+        As of PipelinedOperator. With gradual subnormals, the ranks are those of ``GRADUAL_PIPELINE``, if there is one.
+    rounding : Rounding
+        Direction of rounding, or its value.
+    flags : bool
+        True for an output ``flags``.
+
+    Raises: ValueError if ``latency`` or ``rounding`` is out of range.
+    """
+
+    GRADUAL_PIPELINE: Pipeline | None = None
+
+    def __init__(self, format, operands, *, latency, rounding, flags):
+        self._format = format
+        self._rounding = Rounding(rounding)
+        self._flags = bool(flags)
+        super().__init__(operands, {"result": format.layout, **flags_member(flags)}, latency=latency,
+                         pipeline=self.GRADUAL_PIPELINE if format.gradual else None)
+
+    @property
+    def format(self):
+        """Format of operands and result."""
+        return self._format
+
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
 
 
 class Ranks:

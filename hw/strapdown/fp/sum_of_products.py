@@ -6,14 +6,14 @@ import numpy as np
 from amaranth import *
 
 from . import exact
-from .pipeline import Pipeline, PipelinedOperator, pick
-from .rounding import Rounding, flags_member
+from .pipeline import Pipeline, RoundedOperator, pick
+from .rounding import Rounding
 from .stages import leading_zeros, normalise, pack, partial_products, shift_right, sum_of_partial_products, unpack
 
 __all__ = ["FpSumOfProducts"]
 
 
-class FpSumOfProducts(PipelinedOperator):
+class FpSumOfProducts(RoundedOperator):
     """Sum of two products of floating-point numbers, ``result = a * b + c * d`` or ``a * b - c * d``, rounded once.
 
     Parameters
@@ -60,22 +60,8 @@ class FpSumOfProducts(PipelinedOperator):
                   "unpack"), default_latency=9)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
-        self._format = format
-        self._rounding = Rounding(rounding)
-        self._flags = bool(flags)
-        super().__init__({**dict.fromkeys("abcd", format.layout), "subtract": 1},
-                         {"result": format.layout, **flags_member(flags)}, latency=latency,
-                         pipeline=self.GRADUAL_PIPELINE if format.gradual else self.PIPELINE)
-
-    @property
-    def format(self):
-        """Format of operands and result."""
-        return self._format
-
-    @property
-    def rounding(self):
-        """Direction of rounding."""
-        return self._rounding
+        super().__init__(format, {**dict.fromkeys("abcd", format.layout), "subtract": 1}, latency=latency,
+                         rounding=rounding, flags=flags)
 
     def compute(self, a, b, c, d, subtract=False):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
