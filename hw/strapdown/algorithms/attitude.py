@@ -11,17 +11,7 @@ computes all of them in another order, in which less waits for a root, a divisio
 import math
 from typing import NamedTuple
 
-from .vector import (
-    SHORTEST_SQUARE,
-    add,
-    column,
-    cross,
-    dot,
-    length_squared,
-    permute,
-    scale,
-    transposed_vector,
-)
+from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, permute, scale, transposed_vector
 
 __all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains",
            "quaternion_update", "matrix_from_quaternion", "euler_angles", "matrix_angles", "corrections", "turn",
@@ -29,9 +19,8 @@ __all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correcti
 
 DEGREES = 180 / math.pi
 
-SHORTEST = 2.0**-50
-"""Added to A and B in products: a pair (A, D1) or (B, D2) of zeros has the direction (1, 0). The square is
-``SHORTEST_SQUARE``."""
+SHORTEST = math.sqrt(SHORTEST_SQUARE)
+"""Added to A and B in products: a pair (A, D1) or (B, D2) of zeros has the direction (1, 0)."""
 
 
 class Update(NamedTuple):
@@ -75,16 +64,16 @@ def magnetometer_error(xp, m, c, axes):
     return add(scale(root(xp, dot(h[:2], h[:2])), north), scale(h[2], up))
 
 
-def rate_correction(g, e_a, e_m, i, unit, integral_share):
-    """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m: INS_gyro, eq. 2.31.
+def rate_correction(g, early, late, i, unit, integral_share):
+    """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m = early + late: INS_gyro, eq. 2.31.
 
-    One degree per second is ``unit`` of the unit of ``omega`` and ``i``. ``e_a`` and ``e_m`` are in the same
+    One degree per second is ``unit`` of the unit of ``omega`` and ``i``. ``early`` and ``late`` are in the same
     unit and contain the gain Kp + Ki·T, of which Ki·T is the fraction ``integral_share``. Returns (omega, i).
     omega is computed from the previous i and the whole gain: the same value, but it does not wait for the
-    next i. e_a waits for a root and a division and is therefore added last.
+    next i. ``late`` is added last.
     """
-    omega = add(add(add(scale(unit, g), i), e_m), e_a)
-    return omega, add(i, scale(integral_share, add(e_a, e_m)))
+    omega = add(add(add(scale(unit, g), i), early), late)
+    return omega, add(i, scale(integral_share, add(early, late)))
 
 
 def correction_gains(xp, kp, ki, period):
@@ -256,9 +245,7 @@ def attitude_update(xp, a, m, g, s, c, i, square=None, *, axes, period, kp, ki):
         gain *= period / 2
         early, late, status = corrections(xp, a, permute(axes, m), c, gain, fewest=fewest)
     with xp.section("GYRO"):
-        uncorrected = add(scale(period / 2 / DEGREES, g), i)
-        half_turn = add(add(uncorrected, early), late)
-        i = add(i, scale(integral_share, add(early, late)))
+        half_turn, i = rate_correction(g, early, late, i, period / 2 / DEGREES, integral_share)
     with xp.section("QUAT"):
         s = turn(s, half_turn)
         if fewest:

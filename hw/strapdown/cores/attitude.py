@@ -107,7 +107,7 @@ def ins_gyro(config):
     def equations(xp, g, e_a, e_m, i, **gains):
         gain, integral_share = attitude.correction_gains(xp, **config.gains | gains, period=config.period_s)
         omega, i = attitude.rate_correction(
-            g, scale(gain, e_a), scale(gain, e_m), i, 1 / attitude.DEGREES, integral_share)
+            g, scale(gain, e_m), scale(gain, e_a), i, 1 / attitude.DEGREES, integral_share)
         return Update({"i": i, "omega": omega})
 
     return System(
