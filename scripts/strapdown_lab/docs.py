@@ -62,6 +62,11 @@ from .studies.peers import peers_blocks
 from .studies.pole import POLE_CORES, pole_errors
 
 
+def _figures(name):
+    """Figures of a study or a report in docs/report."""
+    return json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
+
+
 def modules_block(make_core=make_core):
     """Table of the modules with their latency. ``make_core`` may cache cores."""
     cores = {name: make_core(name, THESIS) for name in ATTITUDE_CORES}
@@ -201,8 +206,7 @@ def compass_block():
 
 def report_blocks():
     """Tables of docs/report.md, by the name of their block."""
-    cores, buses, operators = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
-                               for name in ("cores", "buses", "operators"))
+    cores, buses, operators = map(_figures, ("cores", "buses", "operators"))
     return {"flow": flow_lines(cores), "cores": core_table(cores), "paths": path_table(cores["cores"]),
             "public cores": anchor_table(),
             "buses": bus_table(buses, cores), "bus flow": flow_lines(buses),
@@ -211,19 +215,19 @@ def report_blocks():
 
 def family_blocks():
     """Tables of docs/families.md, by the name of their block."""
-    report = json.loads((ROOT / "docs" / "report" / "families.json").read_text(encoding="utf-8"))
+    report = _figures("families")
     return {"families": family_table(report), "family flows": family_lines(report)}
 
 
 def accuracy_blocks():
     """Tables of docs/flight.md, by the name of their block."""
-    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text(encoding="utf-8"))
+    result = _figures("accuracy")
     return {f"{figure} error": figure_table(result, figure) for figure in ("total", "inclination")}
 
 
 def flight_line():
     """The mean errors of the flight filter and of VQF, for the list in README.md."""
-    result = json.loads((ROOT / "docs" / "report" / "accuracy.json").read_text(encoding="utf-8"))
+    result = _figures("accuracy")
     others, tuned = (means(result, 9, tuned) for tuned in (False, True))
     return ("  Its mean RMS error is {:.2f}° on recordings that it was not tuned on (VQF: {:.2f}°), and {:.2f}° on "
             "those that its\n  parameters were chosen on ({:.2f}°);").format(
@@ -239,18 +243,18 @@ def faults_blocks():
 
 def airliner_block():
     """Table of the position errors of SINS_top after an hour of flight."""
-    return airliner_table(json.loads((ROOT / "docs" / "report" / "airliner.json").read_text(encoding="utf-8")))
+    return airliner_table(_figures("airliner"))
 
 
 def optical_blocks():
     """Tables of the accuracy in docs/optical.md, by the name of their block."""
-    result = json.loads((ROOT / "docs" / "report" / "optical.json").read_text(encoding="utf-8"))
+    result = _figures("optical")
     return {"flights": flights_table(result), "positions": positions_table(result), "geometry": geometry_lines(result)}
 
 
 def optical_pin_blocks():
     """Tables of the runs from the pins in docs/optical.md, by the name of their block."""
-    result = json.loads((ROOT / "docs" / "report" / "optical_pins.json").read_text(encoding="utf-8"))
+    result = _figures("optical_pins")
     return {"pins": pins_table(result), "rules": rules_table()}
 
 
@@ -272,7 +276,7 @@ def optical_module_blocks():
 
 def cases_block():
     """Table of the flight filter where filters fail."""
-    return cases_table(json.loads((ROOT / "docs" / "report" / "flight_cases.json").read_text(encoding="utf-8")))
+    return cases_table(_figures("flight_cases"))
 
 
 def calibration_blocks():
@@ -282,29 +286,27 @@ def calibration_blocks():
 
 def options_block():
     """Table of the price of each option of the flight core."""
-    return options_table(json.loads((ROOT / "docs" / "report" / "flight_options.json").read_text(encoding="utf-8")))
+    return options_table(_figures("flight_options"))
 
 
 def parts_block():
     """Table of the parts of the flight filter."""
-    return parts_table(json.loads((ROOT / "docs" / "report" / "flight_parts.json").read_text(encoding="utf-8")))
+    return parts_table(_figures("flight_parts"))
 
 
 def cross_blocks():
     """Tables of the cross-validation of the flight filter."""
-    return cross_tables(json.loads((ROOT / "docs" / "report" / "flight_cross.json").read_text(encoding="utf-8")))
+    return cross_tables(_figures("flight_cross"))
 
 
 def magnet_blocks():
     """Tables of the flight filter beside a magnet."""
-    return magnet_tables(json.loads((ROOT / "docs" / "report" / "flight_magnet.json").read_text(encoding="utf-8")))
+    return magnet_tables(_figures("flight_magnet"))
 
 
 def software_blocks():
     """Tables of docs/report.md with filters in software, by the name of their block."""
-    peers, cores = (json.loads((ROOT / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
-                    for name in ("peers", "cores"))
-    return peers_blocks(peers, cores)
+    return peers_blocks(_figures("peers"), _figures("cores"))
 
 
 def operator_pages():

@@ -222,13 +222,9 @@ class Search:
             self.tools, self.cache, flow, row["verilog"], self.module))) for row in self._chosen(rows, number)]
         for row, job in running:
             try:
-                placed = outcome(job)
+                row["ecp5"] = outcome(job).row()
             except ToolError as error:
                 row["failed"] = error.line
-                continue
-            row["ecp5"] = {"lut": placed.lut, "ff": placed.ff, "multiplier": placed.multiplier, "ebr": placed.ebr,
-                           "fmax_mhz": placed.median_mhz, "fmax_mhz_of_seeds": list(placed.fmax_mhz),
-                           "critical": list(placed.critical)}
 
     def _chosen(self, rows, number):
         """A sample of rows: configurations, then those that meet the wish as far as is known, then all."""

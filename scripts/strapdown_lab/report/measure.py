@@ -163,13 +163,8 @@ def _xc7(design, cache):
 
 
 def _openxc7(toolchain, design, cache):
-    placed = place_openxc7(toolchain, design.verilog, design.top, cache, clock=design.clock)
-    return {"fmax_mhz": placed.median_mhz, "fmax_mhz_of_seeds": list(placed.fmax_mhz),
-            "critical": list(placed.critical)}
+    return place_openxc7(toolchain, design.verilog, design.top, cache, clock=design.clock).row()
 
 
 def _ecp5(design, cache):
-    placed = place_ecp5(design.verilog, design.top, cache, clock=design.clock)
-    return {"lut": placed.lut, "ff": placed.ff, "multiplier": placed.multiplier, "ebr": placed.ebr,
-            "fmax_mhz": placed.median_mhz, "fmax_mhz_of_seeds": list(placed.fmax_mhz),
-            "critical": list(placed.critical)}
+    return place_ecp5(design.verilog, design.top, cache, clock=design.clock).row()

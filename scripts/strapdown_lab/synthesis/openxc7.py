@@ -7,7 +7,6 @@ no ``$scopeinfo``: the hierarchy is dissolved after the synthesis, so the module
 import os
 import re
 import shutil
-import statistics
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from strapdown.tools import ToolError
 from strapdown_sim.cache import Cache
 
 from .ecp5 import ECP5_SEEDS
-from .placement import INSTANCE, wrapped_netlist
+from .placement import INSTANCE, Placement, clock_of_seeds, wrapped_netlist
 from .tools import ToolMissingError
 from .xc7 import XC7_OPTIONS
 
@@ -102,7 +101,7 @@ def _output(words, folder):
 
 
 @dataclass(frozen=True)
-class OpenXc7Placement:
+class OpenXc7Placement(Placement):
     """Clock frequency of a module by an openXC7 toolchain.
 
     Attributes
@@ -115,11 +114,6 @@ class OpenXc7Placement:
 
     fmax_mhz: tuple[float, ...]
     critical: tuple[str, str]
-
-    @property
-    def median_mhz(self) -> float:
-        """Median of the frequencies."""
-        return statistics.median(self.fmax_mhz)
 
 
 def place_openxc7(toolchain: OpenXc7, verilog: str, top: str, cache: Cache, *, clock: str = "clk",
@@ -146,10 +140,7 @@ def place_openxc7(toolchain: OpenXc7, verilog: str, top: str, cache: Cache, *, c
                   "version": toolchain.version, "chipdb": [toolchain.chipdb.name, size]}
         return cache.file(inputs, ".openxc7.log", make).read_text(encoding="utf-8")
 
-    found = [read_path(log(seed)) for seed in seeds]
-    frequencies = tuple(mhz for mhz, _ in found)
-    median = found[frequencies.index(statistics.median_low(frequencies))]
-    return OpenXc7Placement(frequencies, median[1])
+    return OpenXc7Placement(**clock_of_seeds([read_path(log(seed)) for seed in seeds]))
 
 
 def read_path(log: str) -> tuple[float, tuple[str, str]]:

@@ -11,16 +11,51 @@ synthesis: no part of it can be merged with the wrapper, and its cells are count
 import json
 import re
 import shutil
+import statistics
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from strapdown_sim.cache import Cache
 
 from .tools import run_nextpnr, run_yosys, tool_versions
 
-__all__ = ["INSTANCE", "netlist_cells", "routed", "routed_mhz", "wrapped_netlist"]
+__all__ = ["INSTANCE", "Placement", "clock_of_seeds", "netlist_cells", "routed", "routed_mhz", "wrapped_netlist"]
 
 _WRAPPER, INSTANCE = "registered_ports", "inner"
+
+
+class Placement:
+    """Base of what place and route tells of a module: a dataclass with at least the attributes below.
+
+    Attributes
+    ----------
+    fmax_mhz : tuple of float
+        Routed clock frequency for each seed.
+    critical : tuple of str
+        Signals where the slowest path starts and ends, for the median seed; for hard blocks, their cells.
+    """
+
+    fmax_mhz: tuple[float, ...]
+    critical: tuple[str, str]
+
+    @property
+    def median_mhz(self) -> float:
+        """Median of the frequencies."""
+        return statistics.median(self.fmax_mhz)
+
+    def row(self) -> dict[str, Any]:
+        """The attributes in a report, with the median of the frequencies."""
+        own = asdict(self)  # type: ignore[call-overload]
+        frequencies, critical = own.pop("fmax_mhz"), own.pop("critical")
+        return own | {"fmax_mhz": self.median_mhz, "fmax_mhz_of_seeds": list(frequencies), "critical": list(critical)}
+
+
+def clock_of_seeds(found: list[tuple[float, tuple[str, str]]]) -> dict[str, Any]:
+    """``fmax_mhz`` and ``critical`` of a Placement, from the frequency and the slowest path of each seed."""
+    frequencies = tuple(mhz for mhz, _ in found)
+    return {"fmax_mhz": frequencies, "critical": found[frequencies.index(statistics.median_low(frequencies))][1]}
 
 
 def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: str, *, clock: str = "clk",
