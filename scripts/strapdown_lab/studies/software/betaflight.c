@@ -23,7 +23,7 @@ extern const imuConfig_t pgResetTemplate_imuConfig;
 
 static const float *gyro_now;
 static timeUs_t now;
-static float period_us;
+static timeUs_t period_us;
 
 bool sensors(uint32_t mask) { return mask & (SENSOR_ACC | SENSOR_MAG); }
 bool compassIsHealthy(void) { return true; }
