@@ -33,8 +33,9 @@ def place_words(name: str) -> str:
 
 def _rank(kind, signal):
     """The register rank of an operator that a signal belongs to."""
-    pipeline = getattr(kind.component, "PIPELINE", None)
-    for cut in sorted(getattr(pipeline, "cuts", ()), key=len, reverse=True):
+    pipelines = (getattr(kind.component, name, None) for name in ("PIPELINE", "GRADUAL_PIPELINE"))
+    cuts = {cut for pipeline in pipelines if pipeline for cut in pipeline.cuts}
+    for cut in sorted(cuts, key=len, reverse=True):
         if signal == cut or signal.startswith(f"{cut}_"):
             return f"rank {cut}"
     fields = (f"{operand}_{part}" for operand in kind.operands for part in ("sign", "exponent", "fraction"))
