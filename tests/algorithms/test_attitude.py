@@ -99,6 +99,19 @@ def test_a_vertical_field_does_not_turn_the_heading(channels, size):
     assert np.abs(system.read(result)["c"] - np.eye(3)).max() < 2.0**-20
 
 
+@pytest.mark.parametrize("channels", [1, 8])
+def test_a_turn_below_half_a_last_place_is_lost(channels):
+    """Half a turn times 1/sqrt(2) against half of 2**-24, the last place of 1/sqrt(2)."""
+    config = MAHONY.replace(kp=0, ki=0, channels=channels)
+    system = ATTITUDE_CORES["INS_top"](config)
+    for share in (0.9, 1.1):
+        rate = np.degrees(share * 2.0**-23.5 / config.period_s)
+        inputs = system.bind(a=np.tile([0, 0, 1.0], (20, 1)), m=[1.0, 0, 0], g=[0, rate, 0])
+        pitch = system.read(system.run(config.engine_pool, inputs)[0])["angles"][-1, 0]
+        # Above it, each turn is rounded to a last place: to nearly twice its size.
+        assert abs(pitch) < 1e-5 if share < 1 else abs(pitch) > 20 * np.degrees(2.0**-23.5)
+
+
 def reversed_bits(a_b, m_b, c_n2b):
     """The bits ``tilt_reversed`` and ``heading_reversed`` of INS_top at matrices of shape (N, 3, 3), shape (2, N)."""
     system = ATTITUDE_CORES["INS_top"](MAHONY)

@@ -4,8 +4,9 @@ Frames: b body, n navigation (x magnetic north, y west, z up). ``c`` is C_n^b (n
 body) as rows, ``q`` the body-to-navigation quaternion, scalar first. Vectors are body
 components. ``a`` and ``m`` may have any unit, ``g`` is in deg/s, angles come out in degrees.
 
-The functions up to ``euler_angles`` are the equations of the thesis, one for each of its modules. ``attitude_update``
-computes all of them in another order, in which less waits for a root, a division or an angle; its functions precede it.
+The functions up to ``euler_angles`` are the equations of the thesis, one for each of its modules; ``matrix_angles`` are
+the angles of the flight filter. ``attitude_update`` computes all equations of the thesis in another order, in which
+less waits for a root, a division or an angle; its functions precede it.
 """
 
 import math
@@ -32,7 +33,7 @@ class Update(NamedTuple):
 
 
 def root(xp, a):
-    """Square root of a number of 0 or more, without a square root operator; less than 2**-75 is treated as too small.
+    """Square root of a number of 0 or more, without a square root operator; below 2**-75 the root is too small.
 
     The relative error is that of ``xp.rsqrt`` and of a product. The root of 0 is 0.
     """
@@ -52,7 +53,7 @@ def magnetometer_error(xp, m, c, axes):
     """e_m = m × w for m := m/|m|; h = Cᵀ·m, b = (sqrt(hx² + hy²), 0, hz), w = C·b: INS_mag, eq. 2.27 to 2.30.
 
     ``m`` is in sensor axes; ``axes`` maps them to body axes. w is proportional to |m|, so e_m is computed
-    from the field as measured and divided once by |m|², without a root. By the columns of C,
+    from the field as measured and divided once by |m|². By the columns of C,
     m × w = bx·(m × c1) + hz·(m × c3): all values but bx are ready before the root of bx is.
     A vector without length gives zero.
     """
@@ -67,7 +68,7 @@ def magnetometer_error(xp, m, c, axes):
 def rate_correction(g, early, late, i, unit, integral_share):
     """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m = early + late: INS_gyro, eq. 2.31.
 
-    One degree per second is ``unit`` of the unit of ``omega`` and ``i``. ``early`` and ``late`` are in the same
+    One degree per second is ``unit`` in the unit of ``omega`` and ``i``. ``early`` and ``late`` are in the same
     unit and contain the gain Kp + Ki·T, of which Ki·T is the fraction ``integral_share``. Returns (omega, i).
     omega is computed from the previous i and the whole gain: the same value, but it does not wait for the
     next i. ``late`` is added last.
@@ -151,10 +152,10 @@ def corrections(xp, a, m, c, gain, *, fewest):
     """Both error vectors times ``gain``, e_a·gain and e_m·gain, as a sum that is ready early and a summand that is not.
 
     e_a + e_m = a/|a| × c3 + hz/|m|² · m × c3 + bx/|m|² · m × c1, with hz = m·c3 and bx² = |m|² − hz², because the
-    columns c1 and c3 of C are unit vectors; only the last term waits for bx. Rounding may make the difference of a
-    vertical field negative, so bx² is ``SHORTEST_SQUARE`` or more. bx = bx²/sqrt(bx²), and the root is the last factor.
-    ``m`` is in body axes. With ``fewest``, the first two terms are one vector product: fewer products, but they wait
-    for 1/|a| and 1/|m|².
+    columns c1 and c3 of C are unit vectors; only the last term waits for bx. In binary32 bx² has an error of about
+    2**-23·|m|². It may make the difference of a vertical field negative, so bx² is ``SHORTEST_SQUARE`` or more.
+    bx = bx²/sqrt(bx²), and the root is the last factor. ``m`` is in body axes. With ``fewest``, the first two terms are
+    one vector product: fewer products, but they wait for 1/|a| and 1/|m|².
     """
     square_a, accelerometer_missing = length_squared(a)
     square_m, magnetometer_missing = length_squared(m)
