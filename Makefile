@@ -24,12 +24,12 @@ setup: $(VENV)/ready ## Prepare .venv with pinned dependencies and the strapdown
 
 $(VENV)/ready: pyproject.toml scripts/pyproject.toml constraints.txt
 	python3 -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt \
 		--editable '.[dev]' --editable scripts
 	touch $@
 
 $(VENV)/ready-%: $(VENV)/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable 'scripts[$*]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt --editable 'scripts[$*]'
 	touch $@
 
 icarus: # Installs Icarus Verilog from Debian if it is missing and the user may install it.
@@ -62,23 +62,23 @@ test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready $(VENV)-fusesoc/re
 
 $(VENV)-fusesoc/ready:
 	python3 -m venv $(VENV)-fusesoc
-	$(VENV)-fusesoc/bin/python -m pip install --quiet --disable-pip-version-check edalize==0.6.8 fusesoc==2.4.7
+	$(VENV)-fusesoc/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 edalize==0.6.8 fusesoc==2.4.7
 	touch $@
 
 $(VENV)-litex/ready:
 	python3 -m venv $(VENV)-litex
-	$(VENV)-litex/bin/python -m pip install --quiet --disable-pip-version-check litex==2024.12
+	$(VENV)-litex/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 litex==2024.12
 	touch $@
 
 $(VENV)-pynq/ready: pyproject.toml
 	python3 -m venv $(VENV)-pynq
-	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check pynq==4.0.0
-	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 pynq==4.0.0
+	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --no-deps --editable .
 	touch $@
 
 $(VENV)-rerun/ready: pyproject.toml constraints.txt
 	python3 -m venv $(VENV)-rerun
-	$(VENV)-rerun/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+	$(VENV)-rerun/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt \
 		--editable '.[rerun]'
 	touch $@
 
