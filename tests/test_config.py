@@ -157,3 +157,6 @@ def test_a_configuration_says_what_its_memories_are_made_of(changes, memories, r
         r'\(\* ram_style = "(\w+)" \*\)\s+reg \[[^]]*\] (\w+)', text)} == rams
     # A ROM is a case, and has the attribute there and at its output.
     assert {*re.findall(r'\(\* rom_style = "(\w+)" \*\)\s+case ', text)} == roms
+    # Yosys has no ROM of LUT RAM: the attribute that it reads first says LUTs.
+    assert set(re.findall(r'\(\* rom_block = "(\w+)" \*\)\s+\(\* rom_style = "(\w+)" \*\)\s+(?:case|reg) ', text)) == \
+        ({("logic", "distributed")} if "distributed" in roms else set())

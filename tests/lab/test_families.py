@@ -86,6 +86,15 @@ def test_every_memory_has_a_mapping_without_lut_ram(family, memory, make_core, y
     assert found["bram"] > 0
 
 
+@pytest.mark.parametrize("family", ["7-series", "Gowin"])
+def test_a_microprogram_in_luts_has_a_mapping(family, make_core, yosys, cache):
+    # Of the ROMs of INS_atan, those of the arctangent stay in block RAM.
+    found = {style: synthesise(NAMED[family], core_circuit(make_core("INS_atan", config), config), "INS_atan", cache,
+                               place=False)
+             for style in ("block", "distributed") for config in [THESIS.replace(microcode=style)]}
+    assert found["distributed"]["bram"] < found["block"]["bram"]
+
+
 @pytest.fixture(scope="module")
 def figures(root):
     """The figures in docs/."""

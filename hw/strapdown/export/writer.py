@@ -23,7 +23,10 @@ COMMENT_LENGTH = 150
 MOST_LISTED = 6
 """Names in the comment of a block."""
 
-STYLES = ("ram_style", "rom_style", "ASYNC_REG", "fsm_encoding")
+ROM_STYLES = ("rom_block", "rom_style")
+"""Attributes of the table of a ROM that are written, at its output and at its ``case``."""
+
+STYLES = ("ram_style", *ROM_STYLES, "ASYNC_REG", "fsm_encoding")
 """Attributes that are written; the others mean nothing to synthesis."""
 
 
@@ -163,7 +166,7 @@ class _Writer:
         self._attributes(self.circuit.attributes[wire])
         driver = self.circuit.drivers.get(wire)
         if isinstance(driver, Read):
-            self._attributes(self.circuit.memories[driver.memory].attributes, styles=("rom_style",))
+            self._attributes(self.circuit.memories[driver.memory].attributes, styles=ROM_STYLES)
 
     # Parts of a module
 
@@ -278,7 +281,7 @@ class _Writer:
         if len(memory.rows) == 1:
             self.add(f"{self.names[wire]} {operator} {_number(memory.rows[0], memory.width)};", depth)
             return
-        self._attributes(memory.attributes, depth, styles=("rom_style",))
+        self._attributes(memory.attributes, depth, styles=ROM_STYLES)
         self.add(f"case ({self.expressions.value(address)})", depth)
         comments = self.comments.get(memory.name, {})
         for row, value in enumerate(memory.rows[:1 << bits]):

@@ -74,7 +74,11 @@ class MemoryStyle(enum.Enum):
 
     def attributes(self, name):
         """Attributes of a memory in the Verilog; ``name`` is ram_style or rom_style."""
-        return {} if self is MemoryStyle.AUTO else {name: self.value}
+        if self is MemoryStyle.AUTO:
+            return {}
+        # Yosys makes no ROM of LUT RAM, and stops at "distributed". It reads rom_block first; other tools do not know it.
+        yosys = {"rom_block": "logic"} if self is MemoryStyle.DISTRIBUTED and name == "rom_style" else {}
+        return yosys | {name: self.value}
 
 
 STYLES = "auto, distributed or block"
