@@ -76,7 +76,7 @@ class MemoryStyle(enum.Enum):
         """Attributes of a memory in the Verilog; ``name`` is ram_style or rom_style."""
         if self is MemoryStyle.AUTO:
             return {}
-        # Yosys makes no ROM of LUT RAM, and stops at "distributed". It reads rom_block first; other tools do not know it.
+        # Yosys makes no ROM of LUT RAM, and stops at "distributed". It reads rom_block first, which other tools ignore.
         yosys = {"rom_block": "logic"} if self is MemoryStyle.DISTRIBUTED and name == "rom_style" else {}
         return yosys | {name: self.value}
 
