@@ -214,7 +214,7 @@ THESIS_COMPACT = THESIS.replace(
               forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False))
 
 THESIS_FAST = THESIS.replace(
-    name="thesis_fast", description="the same, fast: several operators of each kind",
+    name="thesis_fast", description="the same, fast: two adders and two multipliers",
     pool=Pool(operators=(Adder(count=2, latency=4), Multiplier(count=2), Extremes(), *TABLES, Arctangent()),
               side_memory=True))
 
