@@ -64,7 +64,7 @@ def test_replace_takes_values_and_strings():
                   "magnetometer_axes; of its pool: adder_latency, adders, multiplier_latency, multipliers, "
                   "table_reciprocal_latency, table_reciprocals, table_arctangent_latency, table_arctangents, "
                   "arctangent_steps_per_cycle, arctangents, forwarding, "
-                  "private_ports"),
+                  "private_ports, horizontal"),
     ({"adders": "two"}, "configuration thesis: adders must be a valid integer, unable to parse string as an integer, "
                         "not 'two'"),
     ({"forwarding": "maybe"}, "configuration thesis: forwarding must be a valid boolean, unable to interpret input, "

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, get_type_hints
 import pydantic
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from strapdown.kernel.pool import STYLES, MemoryStyle, Pool
+from strapdown.kernel.pool import SELDOM, STYLES, MemoryStyle, Pool
 from strapdown.kernel.system import System
 
 __all__ = ["Angle", "Assembly", "Axes", "Config", "ConfigError", "Gain", "Matrix", "Names", "Positive",
@@ -196,12 +196,12 @@ class Config(BaseModel):
     @property
     def values(self) -> dict[str, Any]:
         """All fields and the settings of the engine as plain JSON values; channels and interval only if it has several
-        channels."""
+        channels, and those of ``SELDOM`` only if they are not the defaults."""
         hidden = {"pool"} if self.channels > 1 else {"pool", "channels", "interval"}
         return {
             **{field: getattr(self, field) for field in type(self).model_fields if field not in hidden},
             **{name: value.value if isinstance(value, Enum) else value
-               for name, value in self.engine_pool.parameters.items()},
+               for name, value in self.engine_pool.parameters.items() if SELDOM.get(name, ...) is not value},
             "format": self.pool.format.name, "subnormals": self.pool.format.subnormals.value}
 
     @property

@@ -240,6 +240,7 @@ def _fixed(title, width, fraction_bits):
 
 
 _DEEP = {"latency": DEPTHS}
+_QUIET = {"quiet": (True,), "latency": (1, 2)}
 _SMALL_FIXED = Variants([(SMALL,)], {"width": (4,), "fraction_bits": (2,), "latency": DEPTHS})
 
 OPERATORS = (
@@ -247,13 +248,13 @@ OPERATORS = (
         FpAdd, lambda: "\n\n".join([special.binary_tables(FpAdd, "a + b", subtract=False),
                                     special.binary_tables(FpAdd, "a − b", subtract=True)]),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "add", _is_default_or_deep),),
-        control=(Variants([(SMALL,)], _DEEP),),
+        control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET)),
         claim=Claim.ROUNDED, proved=Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),
         tried=(Variants(_policies(EIGHT_BITS)),)),
     OperatorEntry(
         FpMultiply, partial(special.binary_tables, FpMultiply),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "multiply", _is_default_or_deep),),
-        control=(Variants([(SMALL,)], _DEEP),),
+        control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET)),
         claim=Claim.ROUNDED, proved=Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),
         tried=(Variants(_policies(EIGHT_BITS)),)),
     OperatorEntry(
@@ -290,7 +291,7 @@ OPERATORS = (
         FpTableReciprocal, partial(special.table_reciprocal_table, FpTableReciprocal),
         parameters={"format": FLUSH}, choices=_DEEP,
         measured=(Measured([(FLUSH,)], _DEEP, "reciprocal and its root by table", _is_default_or_deep),),
-        control=(Variants([(FloatFormat(3, 9).with_subnormals("flush"),)], _DEEP),),
+        control=tuple(Variants([(FloatFormat(3, 9).with_subnormals("flush"),)], choices) for choices in (_DEEP, _QUIET)),
         full_runs=tuple(FullRun(f"table_{name}", partial(FpTableReciprocal, FLUSH), f"table_{name}",
                                 f"{name.replace('_', ' ')} by table, flushed, within 0.88 ulp", {"square_root": root})
                         for root, name in enumerate(("reciprocal", "reciprocal_square_root")))),
@@ -315,7 +316,8 @@ OPERATORS = (
         control=(Variants([(SMALL,)], _DEEP),),
         claim=Claim.EXTREME, proved=Variants(_policies(EIGHT_BITS)),
         tried=(Variants(_policies(EIGHT_BITS), {"flags": (True,)}),)),
-    OperatorEntry(FpSelect, partial(special.choice_table, FpSelect), control=(Variants([(SMALL,)]),)),
+    OperatorEntry(FpSelect, partial(special.choice_table, FpSelect),
+                  control=(Variants([(SMALL,)], {"quiet": (False, True)}),)),
     OperatorEntry(
         FpToFixed, partial(special.to_fixed_table, 16, 14),
         parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_DEEP,

@@ -1,5 +1,7 @@
 """The cores' interfaces, and their circuits against twin and reference in Verilator."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from strapdown.cores import (
     system_of,
 )
 from strapdown.export import write_core
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.stimuli.pole import angle_error, inputs_through, pole_grid
 from strapdown_sim.stimuli.thesis import TABLE_5_7, TABLE_5_7_INPUT, TABLES
@@ -22,6 +25,10 @@ from strapdown_sim.truth import complementary_filter, module_outputs
 
 SEED = 20151
 UPDATES = 20_000
+
+ITERATIVE_COMPACT = THESIS_COMPACT.replace(name="iterative_compact", pool=replace(
+    THESIS_COMPACT.pool, operators=(Adder(), Multiplier(), Divider(), Arctangent(), Selector())))
+"""Horizontal microcode with operators whose results stay."""
 
 
 def names(pattern, parts):
@@ -104,7 +111,7 @@ def test_circuit_is_the_twin_in_every_bit(circuit, name):
 
 
 @pytest.mark.verilator
-@pytest.mark.parametrize("config", [THESIS_COMPACT, THESIS_FAST], ids=lambda config: config.name)
+@pytest.mark.parametrize("config", [THESIS_COMPACT, ITERATIVE_COMPACT, THESIS_FAST], ids=lambda config: config.name)
 def test_other_pools_are_the_twin_in_every_bit(config, make_core, models, tmp_path):
     core = make_core("INS_top", config)
     model = CoreModel(core, write_core(core, config, tmp_path, ""), models)

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from strapdown.config import ConfigError
-from strapdown.cores import CONFIGS, QUATERNION_J3, SINS, THESIS, THESIS_X8, main_module, modules_of, system_of
+from strapdown.cores import (
+    CONFIGS,
+    QUATERNION_J3,
+    SINS,
+    THESIS,
+    THESIS_COMPACT,
+    THESIS_X8,
+    main_module,
+    modules_of,
+    system_of,
+)
 from strapdown.export import write_core
 from strapdown_sim.drivers.core import CoreModel
 from strapdown_sim.drivers.stream import StreamModel
@@ -71,6 +81,7 @@ def test_a_sensor_that_holds_nan_never_restarts_a_core(make_core, models, tmp_pa
 
 @pytest.mark.verilator
 @pytest.mark.parametrize(("config", "port", "other"), [(QUATERNION_J3, "in_p", "in_r"), (THESIS, "in_gyrox", "in_accz"),
+                                                       (THESIS_COMPACT, "in_gyrox", "in_accz"),
                                                        (THESIS_X8, "in_gyrox", "in_accz")],
                          ids=lambda value: getattr(value, "name", ""))
 def test_the_circuit_counts_like_the_twin(make_core, models, tmp_path, config, port, other):

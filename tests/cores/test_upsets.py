@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown.cores import FLIGHT, QUATERNION_J3, SINS, THESIS, THESIS_X8, main_module
+from strapdown.cores import FLIGHT, QUATERNION_J3, SINS, THESIS, THESIS_COMPACT, THESIS_X8, main_module
 from strapdown.export import write_core
 from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
@@ -19,7 +19,7 @@ UPSETS = 300
 SEED = 20151
 
 
-@pytest.fixture(scope="module", params=[THESIS, THESIS_X8], ids=lambda config: config.name)
+@pytest.fixture(scope="module", params=[THESIS, THESIS_COMPACT, THESIS_X8], ids=lambda config: config.name)
 def model(request, make_core, models, tmp_path_factory):
     config = request.param
     core = make_core(main_module(config), config)

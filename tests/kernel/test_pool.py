@@ -108,6 +108,7 @@ def test_numbers_can_be_copied():
     ({"operators": Adder()}, TypeError, "operators must be a tuple of operators, not Adder(latency=5, count=1)"),
     ({"forwarding": "no"}, TypeError, "forwarding must be True or False, not 'no'"),
     ({"private_ports": None}, TypeError, "private_ports must be True or False, not None"),
+    ({"horizontal": 1}, TypeError, "horizontal must be True or False, not 1"),
     ({"side_memory": 1}, ValueError, "side_memory must be False, auto, distributed or block, not 1"),
     ({"operand_memory": "lut"}, ValueError, "operand_memory must be auto, distributed or block, not 'lut'"),
     ({"operand_memory": False}, ValueError, "operand_memory must be auto, distributed or block, not False"),

@@ -1,9 +1,11 @@
 """The words of the ROM, run by an interpreter that was written from the engine's documentation alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, THESIS
+from strapdown.cores import ATTITUDE_CORES, THESIS, THESIS_COMPACT
 from strapdown.kernel.list_scheduler import list_schedule
 from strapdown.kernel.machine import UpdateMachine
 from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector, meaning
@@ -20,6 +22,7 @@ def interpret(program, inputs, memory, bank, fresh):
     lead = program.schedule.pool.memory_delay - 1  # the address of an operand is in an earlier word
     ports = dict(zip(program.schedule.graph.inputs, FORMAT.array(inputs), strict=True))
     aside = {}
+    horizontal = program.schedule.pool.horizontal
     coming = {}  # maps (unit, cycle) to the result that comes out in it
     for cycle, word in enumerate(program.words):
         def physical(address):
@@ -29,13 +32,23 @@ def interpret(program, inputs, memory, bank, fresh):
             return FORMAT.from_bits(memory[physical(address)])
 
         write = word.get("write", {})
-        bus = coming.get((program.sources["main"][write.get("source", 0)], cycle))
-        number = word.get("other", 0)
-        if number < len(program.other_sources):
-            name = program.other_sources[number]
-            coming["other", cycle + 1] = ports[name] if name in ports else coming.get((name, cycle))
-        if number < len(program.constants):
-            coming["constant", cycle + 1] = FORMAT.array(program.constants[number])
+        if horizontal:
+            # Nothing selects: the bus has the only result that comes out in this cycle, or zero.
+            (bus,) = [value for (_, at), value in coming.items() if at == cycle] or [FORMAT.array(0.0)]
+            for name in word.get("input", {}):
+                coming[name, cycle + 2] = ports[name]
+            if number := word.get("constant", 0):
+                coming["constant", cycle + 2] = FORMAT.array(program.constants[number])
+            for name in word.get("arrives", {}):
+                assert program.addresses[program.arrivals[name]] == write["address"]
+        else:
+            bus = coming.get((program.sources["main"][write.get("source", 0)], cycle))
+            number = word.get("other", 0)
+            if number < len(program.other_sources):
+                name = program.other_sources[number]
+                coming["other", cycle + 1] = ports[name] if name in ports else coming.get((name, cycle))
+            if number < len(program.constants):
+                coming["constant", cycle + 1] = FORMAT.array(program.constants[number])
 
         def operand(port, side, cycle=cycle, bus=bus):
             fields, early = (program.words[c].get(port, {}).get(side, {}) for c in (cycle, cycle - lead))
@@ -60,7 +73,7 @@ def interpret(program, inputs, memory, bank, fresh):
                 operation = next(operation for operation in unit.operations
                                  if [unit.modes[name] for name in [operation] if name in unit.modes] == modes)
                 result = unit.operations[operation](*(a, b)[:meaning(operation).operands])
-            coming[name, cycle + 1 + unit.latency] = result
+            coming[name, cycle + 1 + unit.latency + (horizontal and not unit.direct)] = result
         if write.get("enable") and (fresh or not write["restore"]):
             memory[physical(write["address"])] = int(FORMAT.to_bits(bus))
         if side := word.get("side"):
@@ -73,6 +86,7 @@ POOLS = {
     "one port, block memory, no arctangent": Pool(
         operators=(Adder(), Multiplier(), Divider(count=2), Selector()),
         private_ports=False, forwarding=False, operand_memory=MemoryStyle.BLOCK),
+    "horizontal": replace(THESIS_COMPACT.pool, operators=(*THESIS_COMPACT.pool.operators, Divider(), Arctangent())),
     "forwarding past a block memory": Pool(operand_memory=MemoryStyle.BLOCK),
     "two of each": Pool().with_operators(Adder(count=2), Multiplier(count=2), Arctangent(count=2)),
     "two buses": Pool(side_memory=True).with_operators(Adder(count=2), Multiplier(count=3)),

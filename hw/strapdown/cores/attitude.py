@@ -211,7 +211,8 @@ THESIS = AttitudeConfig(
 THESIS_COMPACT = THESIS.replace(
     name="thesis_compact", description="the same, small: one operation after another, atan2 without an operator",
     pool=Pool(operators=(Adder(), Multiplier(), TableReciprocal(), Selector()),
-              forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False))
+              forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False,
+              horizontal=True))
 
 THESIS_FAST = THESIS.replace(
     name="thesis_fast", description="the same, fast: two adders and two multipliers",

@@ -24,6 +24,8 @@ class FpAdd(RoundedOperator):
         Direction of rounding, or its value.
     flags : bool
         True for an output ``flags``.
+    quiet : bool
+        True for outputs that are zero while ``done`` is low.
 
     Members
     -------
@@ -49,9 +51,9 @@ class FpAdd(RoundedOperator):
                         priority=("result", "align", "normalise", "coarse", "shift", "round", "sum", "distance"),
                         default_latency=5)
 
-    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
+    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False, quiet=False):
         super().__init__(format, {"a": format.layout, "b": format.layout, "subtract": 1}, latency=latency,
-                         rounding=rounding, flags=flags)
+                         rounding=rounding, flags=flags, quiet=quiet)
 
     def compute(self, a, b, subtract=False):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""

@@ -32,6 +32,8 @@ class FpMultiply(RoundedOperator):
         Direction of rounding, or its value.
     flags : bool
         True for an output ``flags``.
+    quiet : bool
+        True for outputs that are zero while ``done`` is low.
 
     Members
     -------
@@ -59,9 +61,9 @@ class FpMultiply(RoundedOperator):
         cuts=("coarse", "unpack", "partial", "product", "normalise", "align", "round", "result"),
         priority=("result", "partial", "normalise", "unpack", "align", "coarse", "product", "round"), default_latency=6)
 
-    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False):
+    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False, quiet=False):
         super().__init__(format, {"a": format.layout, "b": format.layout}, latency=latency, rounding=rounding,
-                         flags=flags)
+                         flags=flags, quiet=quiet)
 
     def compute(self, a, b):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""

@@ -43,6 +43,8 @@ class PipelinedOperator(Described):
         Number of register ranks, 1 to the number of cuts; None means the pipeline's default.
     pipeline : Pipeline or None
         Possible places of the ranks; None means the class's ``PIPELINE``.
+    quiet : bool
+        True for results that are zero while ``done`` is low: results of several operators may meet in an OR.
 
     Members
     -------
@@ -54,11 +56,12 @@ class PipelinedOperator(Described):
 
     PIPELINE: Pipeline
 
-    def __init__(self, operands, results, *, latency=None, pipeline=None):
+    def __init__(self, operands, results, *, latency=None, pipeline=None, quiet=False):
         self._pipeline = self.PIPELINE if pipeline is None else pipeline
         self._latency = self._pipeline.default_latency if latency is None else operator.index(latency)
         if not 1 <= self._latency <= len(self._pipeline.cuts):
             raise ValueError(f"latency must be from 1 to {len(self._pipeline.cuts)}, not {latency!r}")
+        self._quiet = bool(quiet)
         super().__init__({
             **{name: In(shape) for name, shape in operands.items()}, "start": In(1),
             **{name: Out(shape) for name, shape in results.items()}, "done": Out(1)})
@@ -78,9 +81,15 @@ class PipelinedOperator(Described):
         """Cycles between two operations: 1."""
         return 1
 
+    @property
+    def quiet(self):
+        """True for results that are zero while ``done`` is low."""
+        return self._quiet
+
     def ranks(self, m):
         """The register ranks of this operator's pipeline, for use in ``elaborate``."""
-        return Ranks(m, self._pipeline.cuts, self._pipeline.priority[:self._latency], self.start)
+        return Ranks(m, self._pipeline.cuts, self._pipeline.priority[:self._latency], self.start,
+                     quiet=self._quiet)
 
 
 class RoundedOperator(PipelinedOperator):
@@ -98,18 +107,20 @@ class RoundedOperator(PipelinedOperator):
         Direction of rounding, or its value.
     flags : bool
         True for an output ``flags``.
+    quiet : bool
+        As of PipelinedOperator.
 
     Raises: ValueError if ``latency`` or ``rounding`` is out of range.
     """
 
     GRADUAL_PIPELINE: Pipeline | None = None
 
-    def __init__(self, format, operands, *, latency, rounding, flags):
+    def __init__(self, format, operands, *, latency, rounding, flags, quiet=False):
         self._format = format
         self._rounding = Rounding(rounding)
         self._flags = bool(flags)
         super().__init__(operands, {"result": format.layout, **flags_member(flags)}, latency=latency,
-                         pipeline=self.GRADUAL_PIPELINE if format.gradual else None)
+                         pipeline=self.GRADUAL_PIPELINE if format.gradual else None, quiet=quiet)
 
     @property
     def format(self):
@@ -127,11 +138,13 @@ class Ranks:
 
     ``rank("align", sign=…, sum=…)`` returns a namespace with the same values. If the pipeline has a rank
     at that cut, the values are registered, except constants. ``valid`` is delayed in the same way.
-    Only the chain of ``valid`` has a reset; data registers have none.
+    Only the chain of ``valid`` has a reset; data registers have none. If the ranks are ``quiet``, those at the last cut
+    take zeros where they are not valid.
     """
 
-    def __init__(self, m, cuts, placed, valid):
+    def __init__(self, m, cuts, placed, valid, *, quiet=False):
         self._m = m
+        self._silenced = cuts[-1] if quiet else None
         self._cuts = iter(cuts)
         self._placed = frozenset(placed)
         self.valid = valid
@@ -146,7 +159,7 @@ class Ranks:
                 registered[name] = value
                 continue
             register = Signal.like(value, name=f"{cut}_{name}", reset_less=True)
-            self._m.d.sync += register.eq(value)
+            self._m.d.sync += register.eq(Mux(self.valid, value, 0) if cut == self._silenced else value)
             registered[name] = register
         valid = Signal(name=f"{cut}_valid")
         self._m.d.sync += valid.eq(self.valid)

@@ -15,6 +15,8 @@ class FpSelect(PipelinedOperator):
     ----------
     format : FloatFormat
         Format of operands and result.
+    quiet : bool
+        True for a result that is zero while ``done`` is low.
 
     Members
     -------
@@ -30,9 +32,10 @@ class FpSelect(PipelinedOperator):
 
     PIPELINE = Pipeline(cuts=("result",), priority=("result",), default_latency=1)
 
-    def __init__(self, format):
+    def __init__(self, format, *, quiet=False):
         self._format = format
-        super().__init__({"a": format.layout, "b": format.layout, "condition": 1}, {"result": format.layout})
+        super().__init__({"a": format.layout, "b": format.layout, "condition": 1}, {"result": format.layout},
+                         quiet=quiet)
 
     @property
     def format(self):
@@ -47,8 +50,13 @@ class FpSelect(PipelinedOperator):
     def elaborate(self, platform):
         m = Module()
         rank = self.ranks(m)
-        chosen = Signal(self._format.layout)
-        m.d.comb += chosen.eq(Mux(self.condition, self.a, self.b))
-        s = rank("result", result=chosen)
-        m.d.comb += [self.result.eq(s.result), self.done.eq(rank.valid)]
+        if self._quiet:
+            # Two registers with a synchronous reset each, and an OR, which may be that of a bus.
+            s = rank("result", a=Mux(self.condition, self.a, 0), b=Mux(self.condition, 0, self.b))
+            result = s.a | s.b
+        else:
+            chosen = Signal(self._format.layout)
+            m.d.comb += chosen.eq(Mux(self.condition, self.a, self.b))
+            result = rank("result", result=chosen).result
+        m.d.comb += [self.result.eq(result), self.done.eq(rank.valid)]
         return m

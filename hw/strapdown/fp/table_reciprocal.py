@@ -32,6 +32,8 @@ class FpTableReciprocal(PipelinedOperator):
         subnormals flushed.
     latency : int
         Register ranks, 1 to 7.
+    quiet : bool
+        True for a result that is zero while ``done`` is low.
 
     Members
     -------
@@ -56,12 +58,13 @@ class FpTableReciprocal(PipelinedOperator):
     PIPELINE = Pipeline(cuts=("table", "word", "bend", "slope", "product", "value", "result"),
                         priority=("table", "word", "slope", "value", "result", "product", "bend"), default_latency=5)
 
-    def __init__(self, format, *, latency=None):
+    def __init__(self, format, *, latency=None, quiet=False):
         if format.gradual or not 10 <= format.precision <= PRECISION or format.exponent_width < 3:
             raise ValueError("format must have a precision of 10 to 24 bits, an exponent_width of at least 3, and "
                              f"flush subnormals, not {format!r}")
         self._format = format
-        super().__init__({"a": format.layout, "square_root": 1}, {"result": format.layout}, latency=latency)
+        super().__init__({"a": format.layout, "square_root": 1}, {"result": format.layout}, latency=latency,
+                         quiet=quiet)
 
     @property
     def format(self):

@@ -242,14 +242,10 @@ class Engine(SystemComponent):
         operators(m, program, word, components, ports, rest=control.idle, results=results)
 
         # One result per cycle goes over the bus, to the memory and to the operands that wait for it.
-        results |= captured
-        results["other"] = other = Signal(number, name="other", reset_less=True)
-        m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
-        if program.constants:
-            read = constants(m, program, pool.operand_memory).read_port()
-            m.d.comb += read.addr.eq(word.other)
-            results["constant"] = read.data
-        choose(m, bus, word.write.source, [results[name] for name in program.sources["main"]])
+        if program.horizontal:
+            self._meet(m, word, components, captured, bus)
+        else:
+            self._select(m, word, results, captured, bus)
         write = operands.write_port()
         m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(word.write.enable)]
         writes = [(word.write.enable, bus)]
@@ -265,6 +261,47 @@ class Engine(SystemComponent):
                 self._conditions(m, word, bus, write, components[unit.name])
         return writes
 
+    def _select(self, m, word, results, captured, bus):
+        """The bus takes the result that the word selects."""
+        program = self._program
+        results |= captured
+        results["other"] = other = Signal(program.format.layout, name="other", reset_less=True)
+        m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
+        if program.constants:
+            results["constant"] = self._constants(m, word.other)
+        choose(m, bus, word.write.source, [results[name] for name in program.sources["main"]])
+
+    def _meet(self, m, word, components, captured, bus):
+        """The bus is the OR of all results: each is zero but in its cycle.
+
+        A result that is not quiet is registered where it is done. Inputs and constants are registered twice, and so the
+        bus is the OR of few registers.
+        """
+        program, width = self._program, self._program.format.width
+        driving = [self._constants(m, word.constant)]
+        for port, value in captured.items():
+            gated = Signal(width, name=f"{port}_gated", reset_less=True)
+            m.d.sync += gated.eq(Mux(word.input[port], value, 0))
+            driving.append(gated)
+        other = Signal(width, name="other", reset_less=True)
+        m.d.sync += other.eq(reduce(or_, driving))
+        met = [other]
+        for unit in program.units:
+            component, result = components[unit.name], Value.cast(components[unit.name].result)
+            if not unit.direct:
+                late = Signal(width, name=f"{unit.name}_late", reset_less=True)
+                m.d.sync += late.eq(Mux(component.done, result, 0))
+                result = late
+            met.append(result)
+        m.d.comb += bus.eq(reduce(or_, met))
+
+    def _constants(self, m, number):
+        """The constant with a number, a cycle later."""
+        program = self._program
+        read = constants(m, program, program.schedule.pool.operand_memory).read_port()
+        m.d.comb += read.addr.eq(number)
+        return read.data
+
     def _conditions(self, m, word, bus, write, chooser):
         """The condition of a choice: the sign of a value, stored under the value's address."""
         program = self._program
@@ -276,7 +313,9 @@ class Engine(SystemComponent):
         m.d.sync += condition.eq(sign_read.data ^ word.condition.negate)
 
     def _arrives(self, m, control, node, name):
-        """High if a node's value is on the bus on its way to memory; computed one cycle earlier."""
+        """High if a node's value is on the bus on its way to memory; computed one cycle earlier, or in the word."""
+        if self._program.horizontal:
+            return control.word.arrives[name]
         arrives, next_word = Signal(name=f"{name}_arrives"), control.next_word
         address = self._program.addresses[node]
         m.d.sync += arrives.eq(control.active & next_word.write.enable & (next_word.write.address == address))
@@ -323,13 +362,18 @@ class Engine(SystemComponent):
         """The count of refused updates whose inputs were all finite; at its end, the state is that after a reset."""
         (_, bus), *_ = writes
         program, limit = self._program, self._system.restart_after
-        first = len(program.other_sources) - len(program.graph.inputs)
         of_input, foreign = Signal(name="of_input"), Signal(name="foreign")
-        m.d.sync += of_input.eq(word.other >= first)
+        if program.horizontal:
+            before = Signal(name="input_before")
+            m.d.sync += [before.eq(Value.cast(word.input).any()), of_input.eq(before)]
+            shows_input = of_input
+        else:
+            first = len(program.other_sources) - len(program.graph.inputs)
+            m.d.sync += of_input.eq(word.other >= first)
+            shows_input = of_input & (word.write.source == program.sources["main"].index("other"))
         with m.If(control.idle):
             m.d.sync += foreign.eq(0)
-        with m.Elif(of_input & (word.write.source == program.sources["main"].index("other"))
-                    & (bus.exponent == program.format.exponent_special)):
+        with m.Elif(shows_input & (bus.exponent == program.format.exponent_special)):
             m.d.sync += foreign.eq(1)
         refusals, restarts = Signal(range(limit), name="refusals"), Signal(name="restarts")
         m.d.comb += restarts.eq(control.ending & ~commit & ~foreign & (refusals == limit - 1))

@@ -117,8 +117,8 @@ class Machine(ABC):
 class UpdateMachine(Machine):
     """The rules of Engine: one update at a time.
 
-    Results of units that are not direct, and inputs, are registered on the way to the bus. Constants have steps like
-    inputs, so that no update depends on what the memory contained before. Each state word has such a step, too, which
+    Results of units that are not direct, and inputs, are registered on the way to the bus; with horizontal microcode,
+    inputs and constants twice. Constants have steps like inputs, so that no update depends on what the memory contained before. Each state word has such a step, too, which
     restores its reset value in the first update after a reset. A result may be forwarded to its readers in the cycle in
     which it comes out. Conditions and the state always come from memory.
     """
@@ -128,6 +128,8 @@ class UpdateMachine(Machine):
         if self.pool.side_memory and MemoryStyle.BLOCK in (self.pool.operand_memory, self.pool.side_memory):
             raise ValueError("operand_memory and side_memory must be auto or distributed for one channel with a side "
                              "memory")
+        if self.pool.horizontal and (self.pool.forwarding or self.pool.side_memory):
+            raise ValueError("forwarding and side_memory must be False with horizontal microcode")
         self.lead = self.first_issue = self.pool.memory_delay - 1
 
     def needs_step(self, node):
@@ -135,7 +137,7 @@ class UpdateMachine(Machine):
 
     def delay(self, node):
         units = self.units(node)
-        return 1 + units[0].latency + (not units[0].direct) if units else 1
+        return 1 + units[0].latency + (not units[0].direct) if units else 1 + self.pool.horizontal
 
     def port(self, unit):
         return unit.read_port
@@ -194,6 +196,8 @@ class StreamMachine(Machine):
         super().__init__(pool.settled(channels=2))
         if self.pool.forwarding:
             raise ValueError("forwarding must be False for several channels: all operands come from memory")
+        if self.pool.horizontal:
+            raise ValueError("horizontal must be False for several channels")
 
     def prepared(self, graph):
         """The graph with a copy of each state word and constant whose sign is a condition or a status bit."""

@@ -12,7 +12,7 @@ from strapdown.fp import BINARY32, FloatFormat, Subnormals
 
 from .operators import KINDS, Adder, Arctangent, Divider, Multiplier, Operator, Selector
 
-__all__ = ["STYLES", "MemoryStyle", "Pool", "Unit"]
+__all__ = ["SELDOM", "STYLES", "MemoryStyle", "Pool", "Unit"]
 
 FLUSHED32 = BINARY32.with_subnormals(Subnormals.FLUSH)
 
@@ -89,6 +89,9 @@ SUITED: dict[str, tuple[Any, Any]] = {
     "side_memory": (False, MemoryStyle.AUTO)}
 """Maps each field of a Pool that may be None to its value for one channel, and its value for several."""
 
+SELDOM = {"horizontal": False}
+"""Maps parameters of a Pool that few configurations set to their defaults: a configuration lists other values only."""
+
 RESERVED = {"input", "other", "bus", "memory", "side", "main", "operands", "signs", "microcode", "main_memory",
             "side_memory", "bank", "fresh", "banks", "freshness"}
 """Names beside those of units in the engines: sources of operands and results, buses, memories and state."""
@@ -114,6 +117,11 @@ class Pool:
         memory is read with a clock edge; any other is LUT RAM, or flip-flops in families without LUT RAM.
     microcode : MemoryStyle
         The kind of the ROM.
+    horizontal : bool
+        True for horizontal microcode, for one channel without forwarding and side memory: a word has a bit for each
+        input port that drives the result bus, and for each output that takes its value from it. The bus is an OR of
+        results that are zero in all other cycles. This takes fewer LUTs, but more flip-flops and a wider ROM. No result
+        is registered on the way to the bus if its operator can be quiet.
     side_memory : MemoryStyle, bool or None
         The kind of the memory of a second result bus, for results of adders and multipliers; False for one bus. True:
         auto. None: False for one channel, auto for several.
@@ -131,6 +139,7 @@ class Pool:
     private_ports: bool = True
     operand_memory: MemoryStyle | None = None
     microcode: MemoryStyle = MemoryStyle.BLOCK
+    horizontal: bool = False
     side_memory: MemoryStyle | bool | None = None
 
     def __post_init__(self):
@@ -154,7 +163,7 @@ class Pool:
             raise TypeError(f"format must be a FloatFormat, not {self.format!r}")
         if not isinstance(self.operators, tuple):
             raise TypeError(f"operators must be a tuple of operators, not {self.operators!r}")
-        for name in "forwarding", "private_ports":
+        for name in "forwarding", "private_ports", "horizontal":
             value = getattr(self, name)
             if not isinstance(value, bool) and not (value is None and name in SUITED):
                 raise TypeError(f"{name} must be True or False, not {value!r}")
@@ -257,7 +266,9 @@ class Pool:
         guests = dict.fromkeys(ports, 0)
         units = []
         for each in self.operators:
-            component = each.make(self.format)
+            quiet = self.horizontal and each.can_be_quiet
+            make = partial(each.make, self.format, **({"quiet": True} if quiet else {}))
+            component = make()
             host = each.beside or each.name
             for name in _numbered(each.name, each.count):
                 pair = 0
@@ -265,9 +276,9 @@ class Pool:
                     pair = ports[host][guests[host] % len(ports[host])]
                     guests[host] += 1
                 units.append(Unit(
-                    name, each.name, partial(each.make, self.format),
+                    name, each.name, make,
                     {operation.name: partial(operation.twin, component) for operation in each.operations},
-                    read_port=pair, operands=each.operands, direct=each.direct,
+                    read_port=pair, operands=each.operands, direct=quiet if self.horizontal else each.direct,
                     modes={operation.name: operation.mode for operation in each.operations if operation.mode},
                     takes_condition=any(operation.takes_condition for operation in each.operations)))
         return tuple(units)

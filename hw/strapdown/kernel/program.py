@@ -233,7 +233,20 @@ class UpdateProgram(Program):
     for the state and ``2k + 1`` for the next state; the engine inverts the lowest bit of these addresses in every
     second update. The values of one update follow, constants included, each kept from the cycle after its write to its
     last read. The side memory uses the highest addresses of the main memory, whose lowest bit is not inverted.
+
+    With horizontal microcode no field selects the source of the bus. ``input`` has a bit for each port, and ``arrives``
+    one for each output and status bit. ``constant`` is 0 where the bus takes none: the first constant is zero.
     """
+
+    @property
+    def horizontal(self):
+        """True for horizontal microcode."""
+        return self.schedule.pool.horizontal
+
+    @cached_property
+    def constants(self):
+        known = super().constants
+        return tuple(dict.fromkeys((0.0, *known))) if self.horizontal else known
 
     def source(self, step):
         return step.unit if step.unit in self.schedule.direct or step.unit == "constant" else "other"
@@ -336,15 +349,28 @@ class UpdateProgram(Program):
         fields = {}
         if any(unit.takes_condition for unit in self.units):
             fields["condition"] = data.StructLayout({"address": self._address, "negate": 1})
-        fields["write"] = data.StructLayout({"enable": 1, "restore": 1, "address": self._address,
-                                             "source": unsigned((len(self.sources["main"]) - 1).bit_length())})
+        write = {"enable": 1, "restore": 1, "address": self._address}
+        if self.horizontal:
+            constant = unsigned(bits_for(max(len(self.constants), 2) - 1))
+            return {**fields, "write": data.StructLayout(write), "constant": constant,
+                    "input": data.StructLayout(dict.fromkeys(self.graph.inputs, 1)),
+                    "arrives": data.StructLayout(dict.fromkeys(self.arrivals, 1)), "advance": 1}
+        fields["write"] = data.StructLayout(write | {"source": unsigned((len(self.sources["main"]) - 1).bit_length())})
         if self.side_depth:
             fields["side"] = data.StructLayout({"enable": 1, "address": unsigned((self.side_depth - 1).bit_length()),
                                                 "source": unsigned((len(self.sources["side"]) - 1).bit_length())})
         other = unsigned(bits_for(max(len(self.other_sources), len(self.constants), 2) - 1))
         return {**fields, "other": other, "advance": 1}
 
+    @cached_property
+    def arrivals(self):
+        """Maps each output port and each status bit of the equations to its node."""
+        return self.graph.outputs | {name: operand.node for name, operand in self.graph.status.items()}
+
     def _write(self, put, step):
+        if self.horizontal:
+            self._drive(put, step)
+            return
         source, write = self.source(step), {"main": "write", "side": "side"}[step.bus]
         put(step.write, write, source=self.sources[step.bus].index(source))
         if source == "other":
@@ -356,6 +382,16 @@ class UpdateProgram(Program):
             put(step.write, write, enable=1, address=self.addresses[step.node])
         if step.stored and write == "write":
             put(step.write, write, restore=int(step.node.operation == "state"))
+
+    def _drive(self, put, step):
+        """Set the fields of horizontal microcode that let a step's result go over the bus."""
+        if step.unit == "input":
+            put(step.issue, "input", **{step.node.label: 1})
+        if step.unit == "constant":
+            put(step.issue, constant=self.constants.index(self.constant(step.node)))
+        put(step.write, "write", enable=1, address=self.addresses[step.node],
+            restore=int(step.node.operation == "state"))
+        put(step.write, "arrives", **{name: 1 for name, node in self.arrivals.items() if node is step.node})
 
     def _route(self, step, read):
         return {"source": self.operand_sources.index(self.operand_source(step, read))}

@@ -18,6 +18,7 @@ from .handshake import (
     IterativeRecovery,
     PipelineAlignment,
     PipelineFromReset,
+    PipelineSilence,
     VendorAlignment,
     VendorHold,
     VendorOrder,
@@ -60,6 +61,8 @@ def control(make, parameters, options):
         yield Property(subject, "result and done belong to one start, latency edges ago",
                        partial(PipelineAlignment, op), one.latency, ("one", "other"))
         yield Property(subject, "no done before the first result", partial(PipelineFromReset, op), one.latency)
+        if getattr(one, "quiet", False):
+            yield Property(subject, "results are zero while done is low", partial(PipelineSilence, op), 1, ("op",))
         return
     yield Property(subject, "one done for each accepted start, and no other", partial(IterativeHandshake, op),
                    2 * one.interval + one.latency + 2)

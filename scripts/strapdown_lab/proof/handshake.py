@@ -5,8 +5,8 @@ from amaranth.asserts import AnySeq, Initial
 from amaranth.hdl import Assert, Assume, Cover
 from amaranth.lib.wiring import In
 
-__all__ = ["PipelineAlignment", "PipelineFromReset", "IterativeAlignment", "IterativeHandshake", "IterativeHold",
-           "IterativeRecovery", "VendorAlignment", "VendorHold", "VendorOrder"]
+__all__ = ["PipelineAlignment", "PipelineFromReset", "PipelineSilence", "IterativeAlignment", "IterativeHandshake",
+           "IterativeHold", "IterativeRecovery", "VendorAlignment", "VendorHold", "VendorOrder"]
 
 
 def ports(op, flow, *, without):
@@ -83,6 +83,22 @@ class PipelineFromReset(Elaboratable):
         started = Signal(op.latency)
         m.d.sync += started.eq(Cat(op.start, started))
         m.d.comb += [Assert(op.done == started[-1]), Cover(op.done)]
+        return m
+
+
+class PipelineSilence(_Clockwork):
+    """From any state, with any inputs: after an edge the results are zero, or ``done`` is high."""
+
+    def __init__(self, make):
+        self.op = make()
+
+    def elaborate(self, platform):
+        m, op = _module_around(self.op)
+        results = Cat(*ports(op, None, without=("done",)).values())
+        # A reset acts on ``done``, but not on the results.
+        m.d.comb += Assume(~ResetSignal())
+        with m.If(self.age(m, 1)[1]):
+            m.d.comb += [Assert(op.done | ~results.any()), Cover(op.done & results.any())]
         return m
 
 

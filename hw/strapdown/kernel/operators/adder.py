@@ -26,6 +26,7 @@ class Adder(Operator):
     name = "adder"
     component = FpAdd
     direct = True
+    can_be_quiet = True
     operations = (Operation("add", twin=lambda component, a, b: component.compute(a, b), float64=np.add,
                             spreads=True),)
 

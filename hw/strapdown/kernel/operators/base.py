@@ -110,6 +110,8 @@ class Operator:
         results of operators that are seldom used are registered once more on the way.
     beside : str
         Name of the operator whose pairs of read ports this one shares; empty if it has its own.
+    can_be_quiet : bool
+        True if the component has the parameter ``quiet``, for results that are zero while ``done`` is low.
     count : int
         Number of instances.
 
@@ -124,6 +126,7 @@ class Operator:
     operands: ClassVar[tuple[str, ...]] = ("a", "b")
     direct: ClassVar[bool] = False
     beside: ClassVar[str] = ""
+    can_be_quiet: ClassVar[bool] = False
     count = 1
 
     def __init_subclass__(cls, **arguments):
@@ -162,11 +165,11 @@ class Operator:
         if operator.index(self.count) < 1:
             raise ValueError(f"count of {self.name} must be at least 1, not {self.count!r}")
 
-    def make(self, format) -> Any:
-        """A new component for numbers of a format.
+    def make(self, format, *, quiet=False) -> Any:
+        """A new component for numbers of a format; with ``quiet``, its results are zero while ``done`` is low.
 
         Raises: TypeError and ValueError for parameters that the component refuses.
         """
         timing = {parameter.name: getattr(self, parameter.name) for parameter in fields(self)
                   if parameter.name != "count"}
-        return self.component(format, **timing)
+        return self.component(format, **timing, **({"quiet": True} if quiet else {}))

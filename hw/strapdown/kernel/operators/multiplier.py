@@ -26,6 +26,7 @@ class Multiplier(Operator):
     name = "multiplier"
     component = FpMultiply
     direct = True
+    can_be_quiet = True
     operations = (Operation("multiply", twin=lambda component, a, b: component.compute(a, b), float64=np.multiply,
                             spreads=True),)
 

@@ -21,6 +21,7 @@ class Selector(Operator):
     name = "selector"
     component = FpSelect
     beside = "adder"
+    can_be_quiet = True
     operations = (
         Operation("select", twin=lambda component, a, b, condition: component.compute(a, b, condition),
                   float64=lambda a, b, condition: np.where(condition, a, b), takes_condition=True),

@@ -27,6 +27,7 @@ class TableReciprocal(Operator):
     name = "table_reciprocal"
     component = FpTableReciprocal
     beside = "multiplier"
+    can_be_quiet = True
     operands = ("a",)
     operations = (
         Operation("reciprocal", twin=lambda component, a: component.compute(a, False), float64=lambda a: 1 / a,
