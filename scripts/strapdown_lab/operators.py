@@ -173,7 +173,7 @@ class OperatorEntry:
         Variants whose control is proved. Control does not depend on data, so the formats are the smallest.
     claim : Claim or None
         The property that is proved for the results of ``proved``.
-    proved : Variants or None
+    proved : tuple of Variants
         Small variants. Each means all rounding directions, and flags, if the class has these.
     tried : tuple of Variants
         Variants with formats of 8 bits; the tests try all their operands on the circuit. Expanded like ``proved``.
@@ -188,7 +188,7 @@ class OperatorEntry:
     measured: tuple[Measured, ...] = ()
     control: tuple[Variants, ...] = ()
     claim: Claim | None = None
-    proved: Variants | None = None
+    proved: tuple[Variants, ...] = ()
     tried: tuple[Variants, ...] = ()
     full_runs: tuple[FullRun, ...] = ()
 
@@ -231,7 +231,7 @@ def _digit_recurrence(component, title, special_values, **parts):
                        for iterative in (False, True)),
         control=(Variants([(SMALL,)], {"bits_per_cycle": (1, 2, SMALL.precision)}),
                  Variants([(TINY,)], {"bits_per_cycle": (1, 2), "iterative": (True,)})),
-        claim=Claim.ROUNDED, proved=Variants(_policies(SMALL)), **parts)
+        claim=Claim.ROUNDED, proved=(Variants(_policies(SMALL)),), **parts)
 
 
 def _fixed(title, width, fraction_bits):
@@ -240,6 +240,8 @@ def _fixed(title, width, fraction_bits):
 
 
 _DEEP = {"latency": DEPTHS}
+_DSP = {"dsp_shifts": (True,)}
+_FLUSHED = [(fmt.with_subnormals("flush"),) for fmt in (SMALL, EIGHT_BITS)]
 _QUIET = {"quiet": (True,), "latency": (1, 2)}
 _SMALL_FIXED = Variants([(SMALL,)], {"width": (4,), "fraction_bits": (2,), "latency": DEPTHS})
 
@@ -247,22 +249,24 @@ OPERATORS = (
     OperatorEntry(
         FpAdd, lambda: "\n\n".join([special.binary_tables(FpAdd, "a + b", subtract=False),
                                     special.binary_tables(FpAdd, "a − b", subtract=True)]),
-        choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "add", _is_default_or_deep),),
-        control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET)),
-        claim=Claim.ROUNDED, proved=Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),
-        tried=(Variants(_policies(EIGHT_BITS)),)),
+        choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "add", _is_default_or_deep),
+                                 Measured([(FLUSH,)], {**_DSP, "latency": (5,)}, "add")),
+        control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET),
+                 Variants([(SMALL.with_subnormals("flush"),)], {**_DSP, **_DEEP})),
+        claim=Claim.ROUNDED, proved=(Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]), Variants(_FLUSHED, _DSP)),
+        tried=(Variants(_policies(EIGHT_BITS)), Variants(_FLUSHED[1:], _DSP))),
     OperatorEntry(
         FpMultiply, partial(special.binary_tables, FpMultiply),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "multiply", _is_default_or_deep),),
         control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET)),
-        claim=Claim.ROUNDED, proved=Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),
+        claim=Claim.ROUNDED, proved=(Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),),
         tried=(Variants(_policies(EIGHT_BITS)),)),
     OperatorEntry(
         FpSumOfProducts, special.sum_of_products_table,
         choices=_DEEP,
         measured=(Measured([(FLUSH,)], {"latency": (7, 8, 9)}, "sum of products"),),
         control=(Variants([(TINY,)], _DEEP),),
-        claim=Claim.ROUNDED, proved=Variants(_policies(TINY))),
+        claim=Claim.ROUNDED, proved=(Variants(_policies(TINY)),)),
     _digit_recurrence(
         FpDivide, "divide", partial(special.binary_tables, FpDivide),
         tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (4,)}),)),
@@ -283,7 +287,7 @@ OPERATORS = (
         choices=_BITS,
         measured=(Measured(FLUSH_FIRST, {"bits_per_cycle": (1, 2)}, "reciprocal square root", _is_flushed),),
         control=(Variants([(FloatFormat(3, 1),)], {"bits_per_cycle": (1, 2)}),),
-        claim=Claim.ROUNDED, proved=Variants(_policies(SMALL)),
+        claim=Claim.ROUNDED, proved=(Variants(_policies(SMALL)),),
         tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (4,)}),),
         full_runs=(FullRun("rsqrt", partial(FpReciprocalSquareRoot, BINARY32, bits_per_cycle=6),
                            "reciprocal_square_root", "reciprocal square root, gradual, 6 bits a cycle"),)),
@@ -298,7 +302,7 @@ OPERATORS = (
     OperatorEntry(
         FpCompare, partial(special.compare_tables, FpCompare),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "compare"),), control=(Variants([(SMALL,)], _DEEP),),
-        claim=Claim.RELATION, proved=Variants(_policies(EIGHT_BITS)),
+        claim=Claim.RELATION, proved=(Variants(_policies(EIGHT_BITS)),),
         tried=(Variants(_policies(EIGHT_BITS), {"signalling": (False, True), "flags": (True,)}),)),
     OperatorEntry(
         FpRelation, partial(special.relation_table, FpRelation, RELATIONS),
@@ -306,7 +310,7 @@ OPERATORS = (
         measured=(Measured([(FLUSH, "<"), (BINARY32, "<")], _DEEP, "less"),),
         control=(Variants([(SMALL, "<")], _DEEP),),
         claim=Claim.RELATION,
-        proved=Variants([(fmt, relation) for fmt, in _policies(SMALL) for relation in RELATIONS]),
+        proved=(Variants([(fmt, relation) for fmt, in _policies(SMALL) for relation in RELATIONS]),),
         tried=(Variants([(fmt, relation) for fmt, in _policies(EIGHT_BITS) for relation in ("<", "!=")],
                         {"flags": (True,)}),)),
     OperatorEntry(
@@ -314,7 +318,7 @@ OPERATORS = (
                                        special.binary_tables(FpMinMax, "Maximum, `maximum` = 1", maximum=True)]),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "minimum and maximum"),),
         control=(Variants([(SMALL,)], _DEEP),),
-        claim=Claim.EXTREME, proved=Variants(_policies(EIGHT_BITS)),
+        claim=Claim.EXTREME, proved=(Variants(_policies(EIGHT_BITS)),),
         tried=(Variants(_policies(EIGHT_BITS), {"flags": (True,)}),)),
     OperatorEntry(FpSelect, partial(special.choice_table, FpSelect),
                   control=(Variants([(SMALL,)], {"quiet": (False, True)}),)),
@@ -322,7 +326,7 @@ OPERATORS = (
         FpToFixed, partial(special.to_fixed_table, 16, 14),
         parameters={"format": BINARY32, "width": 16, "fraction_bits": 14}, choices=_DEEP,
         measured=(_fixed("to fixed", 16, 14), _fixed("to fixed", 32, 0)), control=(_SMALL_FIXED,),
-        claim=Claim.ROUNDED, proved=Variants(_policies(EIGHT_BITS), {"width": (6,), "fraction_bits": (3,)}),
+        claim=Claim.ROUNDED, proved=(Variants(_policies(EIGHT_BITS), {"width": (6,), "fraction_bits": (3,)}),),
         # A small range of integers, so that operands saturate.
         tried=(Variants(_policies(EIGHT_BITS), {"width": (7,), "fraction_bits": (4,)}),
                Variants(_policies(EIGHT_BITS), {"width": (3,), "fraction_bits": (0,)})),
@@ -334,7 +338,7 @@ OPERATORS = (
         FixedToFp, partial(special.from_fixed_table, 32, 0),
         parameters={"format": BINARY32, "width": 32, "fraction_bits": 0}, choices=_DEEP,
         measured=(_fixed("from fixed", 16, 13), _fixed("from fixed", 32, 0)), control=(_SMALL_FIXED,),
-        claim=Claim.ROUNDED, proved=Variants(_policies(EIGHT_BITS), {"width": (8,), "fraction_bits": (4,)}),
+        claim=Claim.ROUNDED, proved=(Variants(_policies(EIGHT_BITS), {"width": (8,), "fraction_bits": (4,)}),),
         tried=(Variants(_policies(EIGHT_BITS), {"width": (12,), "fraction_bits": (11,)}),),
         full_runs=(FullRun("from_int32", partial(FixedToFp, BINARY32, width=32, fraction_bits=0), "from_int32",
                            "32-bit integer to float"),)),
@@ -343,7 +347,7 @@ OPERATORS = (
         measured=(Measured([(BINARY32, BINARY16), (BINARY16, BINARY32), (BINARY32, BINARY64), (BINARY64, BINARY32)],
                            _DEEP, "to another format"),),
         control=(Variants([(EIGHT_BITS, SMALL)], _DEEP),),
-        claim=Claim.ROUNDED, proved=Variants(_policies(EIGHT_BITS, SMALL)),
+        claim=Claim.ROUNDED, proved=(Variants(_policies(EIGHT_BITS, SMALL)),),
         # Fewer exponents and fewer fraction bits, so that all kinds of results occur.
         tried=(Variants(_policies(EIGHT_BITS, SMALL)),)),
     OperatorEntry(

@@ -18,6 +18,9 @@ def bank(models, tmp_path_factory):
     operators = {f"{name}_{latency}": FpAdd(fmt, latency=latency)
                  for name, fmt in FORMATS.items() for latency in LATENCIES.get(name, (5,))}
     operators["flags"] = FpAdd(BINARY32, flags=True)
+    operators |= {f"{name}_dsp_{latency}": FpAdd(fmt, latency=latency, dsp_shifts=True)
+                  for name, fmt in FORMATS.items() if not fmt.gradual
+                  for latency in LATENCIES.get(name, (5,))}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
@@ -28,6 +31,9 @@ def directed(models, tmp_path_factory):
                                                    rounding=rounding, flags=True)
                  for shift, name in enumerate(("binary32_gradual", "binary32_flush"))
                  for place, rounding in enumerate(Rounding)}
+    operators |= {f"binary32_flush_dsp_{rounding.value}": FpAdd(
+        FORMATS["binary32_flush"], latency=1 + 3 * place % 8, rounding=rounding, flags=True, dsp_shifts=True)
+        for place, rounding in enumerate(Rounding)}
     return Bank(operators).build(models, tmp_path_factory.mktemp("directed"))
 
 
@@ -42,6 +48,12 @@ def test_properties():
     assert (add.format, add.latency, add.interval, add.rounding) == (BINARY32, 5, 1, Rounding.NEAREST_EVEN)
     assert "flags" not in add.signature.members
     assert FpAdd(BINARY32, rounding="upward").rounding is Rounding.UPWARD
+
+
+def test_shifts_by_multiplications_need_a_format_that_flushes():
+    assert FpAdd(BINARY32.with_subnormals("flush"), dsp_shifts=True).dsp_shifts is True
+    with pytest.raises(ValueError, match=r"^format must flush subnormals with dsp_shifts, not FloatFormat\("):
+        FpAdd(BINARY32, dsp_shifts=True)
 
 
 def test_no_such_rounding():
@@ -76,9 +88,9 @@ def test_sums(bank, name):
 
 
 @pytest.mark.verilator
-@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush"])
+@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush", "binary32_flush_dsp"])
 def test_roundings(directed, name):
-    fmt, rng = FORMATS[name], np.random.default_rng(2)
+    fmt, rng = FORMATS[name.removesuffix("_dsp")], np.random.default_rng(2)
     a, b = random_pairs(fmt, 6000, rng)
     subtract = rng.integers(0, 2, len(a), dtype=np.uint64)
     operands = {"a": a, "b": b, "subtract": subtract}

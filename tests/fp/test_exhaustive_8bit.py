@@ -129,6 +129,9 @@ def test_pairs(results, policy, name):
         else:
             choice = name == "subtract"
             check(name, *results[key(FpAdd, policy, rounding)], len(A) * choice, wanted, *numbers, choice)
+            if policy == "flush":
+                check(f"{name}, DSP", *results[key(FpAdd, policy, rounding, "dsp_shifts1")], len(A) * choice, wanted,
+                      *numbers, choice)
 
 
 @pytest.mark.verilator

@@ -6,7 +6,7 @@ from amaranth import *
 from . import exact
 from .pipeline import Pipeline, RoundedOperator, pick
 from .rounding import Rounding
-from .stages import pack, shift_right, unpack
+from .stages import SLICE, pack, shift_right, unpack
 
 __all__ = ["FpAdd"]
 
@@ -26,6 +26,9 @@ class FpAdd(RoundedOperator):
         True for an output ``flags``.
     quiet : bool
         True for outputs that are zero while ``done`` is low.
+    dsp_shifts : bool
+        True to shift by multiplications with powers of two, which tools put into DSP blocks; for a format that flushes
+        subnormals.
 
     Members
     -------
@@ -42,7 +45,7 @@ class FpAdd(RoundedOperator):
     give the format's NaN.
     Flags: invalid for infinity - infinity and signalling NaNs; overflow, inexact and, where
     subnormals are flushed, underflow, as in ``Flags``.
-    Raises: ValueError if ``latency`` or ``rounding`` is out of range.
+    Raises: ValueError if ``latency`` or ``rounding`` is out of range, or for ``dsp_shifts`` with gradual subnormals.
     Source: IEEE 754-2019, 5.4.1, operations *addition* and *subtraction*.
     """
 
@@ -51,9 +54,18 @@ class FpAdd(RoundedOperator):
                         priority=("result", "align", "normalise", "coarse", "shift", "round", "sum", "distance"),
                         default_latency=5)
 
-    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False, quiet=False):
+    def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False, quiet=False,
+                 dsp_shifts=False):
+        if dsp_shifts and format.gradual:
+            raise ValueError(f"format must flush subnormals with dsp_shifts, not {format!r}")
+        self._dsp_shifts = bool(dsp_shifts)
         super().__init__(format, {"a": format.layout, "b": format.layout, "subtract": 1}, latency=latency,
                          rounding=rounding, flags=flags, quiet=quiet)
+
+    @property
+    def dsp_shifts(self):
+        """True if it shifts by multiplications."""
+        return self._dsp_shifts
 
     def compute(self, a, b, subtract=False):
         """Bit-exact software twin: arrays of the format's dtype, any shapes that broadcast."""
@@ -98,17 +110,30 @@ class FpAdd(RoundedOperator):
         smaller_is_zero = Mux(swap, s.a_is_zero, s.b_is_zero)
         far = Signal()
         m.d.comb += far.eq(distance[levels:].any() | (smaller_is_zero & (not fmt.gradual)))
-        near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
-        moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
-        fine = min(3, levels)
-        aligned, sticky = shift_right(m, near, enumerate(moves[:fine]), "align")
+        if self._dsp_shifts:
+            # The place of the one is that of the result's lowest bit but two; a sum of products has fewer bits than this.
+            places = [Mux(swap, distance[:levels] == place, distance[:levels] == place - 1 if place else 0)
+                      for place in reversed(range(fmt.precision + 2))]
+            beyond = far | (distance[:levels] > Mux(swap, fmt.precision + 1, fmt.precision))
+            shift = {"near": Mux(swap, s.a_significand, s.b_significand), "power": Mux(far, 0, Cat(*places)),
+                     "beyond": beyond}
+        else:
+            near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
+            moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
+            fine = min(3, levels)
+            aligned, sticky = shift_right(m, near, enumerate(moves[:fine]), "align")
+            shift = {"aligned": aligned, "sticky": sticky, "moves": moves[fine:]}
         s = rank(
             "shift", **pick(s, classes), sign=Mux(swap, s.b_sign, s.a_sign),
             exponent=Mux(swap, s.b_exponent, s.a_exponent), larger=Mux(swap, s.b_significand, s.a_significand),
-            aligned=aligned, sticky=sticky, moves=moves[fine:], smaller_is_zero=smaller_is_zero,
-            both_are_zero=s.a_is_zero & s.b_is_zero)
-        aligned, lost = shift_right(m, s.aligned, enumerate(s.moves, fine), "align")
-        sticky = (s.sticky | lost) & ~(s.smaller_is_zero & (not fmt.gradual))
+            **shift, smaller_is_zero=smaller_is_zero, both_are_zero=s.a_is_zero & s.b_is_zero)
+        if self._dsp_shifts:
+            product = _cascaded(m, "aligned", s.near, s.power)
+            aligned, sticky = product[fmt.precision - 1:], product[:fmt.precision - 1].any() | s.beyond
+        else:
+            aligned, lost = shift_right(m, s.aligned, enumerate(s.moves, fine), "align")
+            sticky = s.sticky | lost
+        sticky &= ~(s.smaller_is_zero & (not fmt.gradual))
         numbers = ("sign", "exponent", "both_are_zero")
         s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))
 
@@ -135,20 +160,28 @@ class FpAdd(RoundedOperator):
         magnitude, moved, room = _move_left(m, magnitude, levels - 1, s.exponent, room)
         s = rank("coarse", **classes, sign=s.sign ^ lacks_unit, exponent=s.exponent, both_are_zero=s.both_are_zero,
                  magnitude=magnitude, moved=moved, room=room)
-        magnitude, room, zeros = s.magnitude, s.room, s.moved
-        for level in reversed(range(levels - 1)):
-            magnitude, moved, room = _move_left(m, magnitude, level, s.exponent, room)
-            zeros = Cat(moved, zeros)
-        s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
+        if self._dsp_shifts:
+            power, zeros, filled = _leading_one(s.magnitude, 1 << levels - 1)
+            product = _cascaded(m, "normalised", power, s.magnitude)[:len(s.magnitude)]
+            s = rank("normalise", **pick(s, classes, numbers), product=product, zeros=Cat(zeros, s.moved),
+                     filled=Mux(s.magnitude[0], filled, 0))
+            magnitude = s.product | s.filled
+        else:
+            magnitude, room, zeros = s.magnitude, s.room, s.moved
+            for level in reversed(range(levels - 1)):
+                magnitude, moved, room = _move_left(m, magnitude, level, s.exponent, room)
+                zeros = Cat(moved, zeros)
+            s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
+            magnitude = s.magnitude
 
         # Round, and compute the exponent in the same addition: it is 1 - zeros, and all its bits but the
         # lowest are those of -(zeros >> 1). A subnormal has the exponent 0.
-        significand, guard, sticky = s.magnitude[4:], s.magnitude[3], s.magnitude[:3].any()
+        significand, guard, sticky = magnitude[4:], magnitude[3], magnitude[:3].any()
         change = Cat(~s.zeros[0], *(s.zeros[bit] ^ s.zeros[1:bit].any() for bit in range(1, levels)),
                      s.zeros[1:].any().replicate(max(width + 1 - levels, 0)))[:width + 1]
         exponent = s.exponent
         if fmt.gradual:
-            is_zero = ~s.magnitude.any()
+            is_zero = ~magnitude.any()
             change, exponent = (value & significand[-1].replicate(len(value)) for value in (change, exponent))
         else:
             is_zero = ~significand[-1] | s.both_are_zero
@@ -195,3 +228,29 @@ def _move_left(m, value, level, limit, room):
     m.d.comb += [moves.eq(~value[-step:].any() & (room | here)),
                  shifted.eq(Mux(moves, Cat(value[0].replicate(step), value[:-step]), value))]
     return shifted, moves, room | (here & ~moves)
+
+
+def _leading_one(value, count):
+    """The power of two that shifts the highest one of a value to its top, if that is one of ``count`` bits.
+
+    Returns (power, number of zeros above the one, the bits that the shift makes free).
+    """
+    power, filled, above = [], [], C(0)
+    for bit in reversed(value[-count:]):
+        power.append(bit & ~above)
+        above |= bit
+        filled.append(~above)
+    zeros = [Cat(one for place, one in enumerate(power) if place >> level & 1).any()
+             for level in range((count - 1).bit_length())]
+    return Cat(*power), Cat(*zeros), Cat(*filled[:-1])
+
+
+def _cascaded(m, name, a, b):
+    """a * b, in at most two slices of ``b``, which the DSP blocks that multiply them can add."""
+    low = Signal(len(a) + min(len(b), SLICE), name=f"{name}_low")
+    if len(b) <= SLICE:
+        m.d.comb += low.eq(a * b)
+        return low
+    high = Signal(len(a) + len(b) - SLICE, name=f"{name}_high")
+    m.d.comb += [low.eq(a * b[:SLICE]), high.eq(a * b[SLICE:] + low[SLICE:])]
+    return Cat(low[:SLICE], high)

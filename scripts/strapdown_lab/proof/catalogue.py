@@ -153,8 +153,8 @@ def properties() -> Iterator[Property]:
     for name in VENDOR_OPERATORS:
         yield from vendor_control(name)
     for entry in OPERATORS:
-        if entry.proved:
-            for parameters, options in entry.rounded(entry.proved):
+        for variants in entry.proved:
+            for parameters, options in entry.rounded(variants):
                 yield result(entry.claim, entry.component, parameters, options)
     yield from lines()
     yield from bus()

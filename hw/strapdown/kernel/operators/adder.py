@@ -19,6 +19,8 @@ class Adder(Operator):
     ----------
     latency : int
         Register ranks, as of ``FpAdd``.
+    dsp_shifts : bool
+        True for shifts by multiplications, as of ``FpAdd``.
     count : int
         How many there are.
     """
@@ -31,4 +33,5 @@ class Adder(Operator):
                             spreads=True),)
 
     latency: int = 5
+    dsp_shifts: bool = False
     count: int = 1
