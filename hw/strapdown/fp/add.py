@@ -1,12 +1,15 @@
 """Addition and subtraction."""
 
+from functools import reduce
+from operator import or_
+
 import numpy as np
 from amaranth import *
 
 from . import exact
 from .pipeline import Pipeline, RoundedOperator, pick
 from .rounding import Rounding
-from .stages import SLICE, pack, shift_right, unpack
+from .stages import SLICE, pack, partial_products, shift_right, unpack
 
 __all__ = ["FpAdd"]
 
@@ -53,6 +56,11 @@ class FpAdd(RoundedOperator):
     PIPELINE = Pipeline(cuts=("distance", "shift", "align", "sum", "coarse", "normalise", "round", "result"),
                         priority=("result", "align", "normalise", "coarse", "shift", "round", "sum", "distance"),
                         default_latency=5)
+    # A multiplication needs ranks before and after it.
+    DSP_PIPELINE = Pipeline(
+        cuts=("distance", "shift", "product", "align", "sum", "coarse", "power", "normalise", "round", "result"),
+        priority=("result", "normalise", "power", "product", "shift", "sum", "coarse", "round", "distance", "align"),
+        default_latency=6)
 
     def __init__(self, format, *, latency=None, rounding=Rounding.NEAREST_EVEN, flags=False, quiet=False,
                  dsp_shifts=False):
@@ -60,7 +68,8 @@ class FpAdd(RoundedOperator):
             raise ValueError(f"format must flush subnormals with dsp_shifts, not {format!r}")
         self._dsp_shifts = bool(dsp_shifts)
         super().__init__(format, {"a": format.layout, "b": format.layout, "subtract": 1}, latency=latency,
-                         rounding=rounding, flags=flags, quiet=quiet)
+                         rounding=rounding, flags=flags, pipeline=self.DSP_PIPELINE if dsp_shifts else None,
+                         quiet=quiet)
 
     @property
     def dsp_shifts(self):
@@ -110,13 +119,15 @@ class FpAdd(RoundedOperator):
         smaller_is_zero = Mux(swap, s.a_is_zero, s.b_is_zero)
         far = Signal()
         m.d.comb += far.eq(distance[levels:].any() | (smaller_is_zero & (not fmt.gradual)))
+        larger = Mux(swap, s.b_significand, s.a_significand)
         if self._dsp_shifts:
-            # The place of the one is that of the result's lowest bit but two; a sum of products has fewer bits than this.
-            places = [Mux(swap, distance[:levels] == place, distance[:levels] == place - 1 if place else 0)
-                      for place in reversed(range(fmt.precision + 2))]
-            beyond = far | (distance[:levels] > Mux(swap, fmt.precision + 1, fmt.precision))
-            shift = {"near": Mux(swap, s.a_significand, s.b_significand), "power": Mux(far, 0, Cat(*places)),
-                     "beyond": beyond}
+            # The greatest shift but one leaves the top bit at the round bit, and is a product with 1.
+            shifts = fmt.precision + 2
+            power = (Mux(swap, distance[:levels] == shift, distance[:levels] + 1 == shift)
+                     for shift in reversed(range(shifts)))
+            shift = {"near": Mux(swap, s.a_significand, s.b_significand), "power": Mux(far, 0, Cat(*power)),
+                     "beyond": far | (distance[:levels] + ~swap >= shifts)}
+            larger ^= s.opposite.replicate(fmt.precision)
         else:
             near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
             moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
@@ -125,24 +136,32 @@ class FpAdd(RoundedOperator):
             shift = {"aligned": aligned, "sticky": sticky, "moves": moves[fine:]}
         s = rank(
             "shift", **pick(s, classes), sign=Mux(swap, s.b_sign, s.a_sign),
-            exponent=Mux(swap, s.b_exponent, s.a_exponent), larger=Mux(swap, s.b_significand, s.a_significand),
-            **shift, smaller_is_zero=smaller_is_zero, both_are_zero=s.a_is_zero & s.b_is_zero)
+            exponent=Mux(swap, s.b_exponent, s.a_exponent), larger=larger, **shift, smaller_is_zero=smaller_is_zero,
+            both_are_zero=s.a_is_zero & s.b_is_zero)
+        numbers = ("sign", "exponent", "both_are_zero")
         if self._dsp_shifts:
-            product = _cascaded(m, "aligned", s.near, s.power)
-            aligned, sticky = product[fmt.precision - 1:], product[:fmt.precision - 1].any() | s.beyond
+            s = rank("product", **pick(s, classes, numbers, ("larger", "smaller_is_zero", "beyond")),
+                     **partial_products(s.near, s.power))
+            # At most one partial product is not zero. Their OR takes no time: it is part of the adder.
+            product = Signal(fmt.precision + shifts - 1)
+            m.d.comb += product.eq(reduce(or_, (Cat(C(0, low), getattr(s, f"partial_{low}"))
+                                                for low in range(0, shifts, SLICE))))
+            aligned, sticky = product[shifts - 3:], product[:shifts - 3].any() | s.beyond
         else:
             aligned, lost = shift_right(m, s.aligned, enumerate(s.moves, fine), "align")
             sticky = s.sticky | lost
         sticky &= ~(s.smaller_is_zero & (not fmt.gradual))
-        numbers = ("sign", "exponent", "both_are_zero")
         s = rank("align", **pick(s, classes, numbers), larger=s.larger, smaller=Cat(sticky, aligned))
 
         # Add. A difference is computed as smaller + ~larger = -(larger - smaller) - 1. Its inverse is
         # larger - smaller. If that is negative, which needs equal exponents, the sum is not inverted. It is
         # then one unit of the lowest bit too small, but the low bits are ones, so rounding corrects it.
         total = Signal(fmt.precision + 4)
-        larger = Cat(C(0, 3), s.larger, C(0, 1))
-        m.d.comb += total.eq(s.smaller + (larger ^ s.opposite.replicate(len(total))))
+        if self._dsp_shifts:
+            m.d.comb += total.eq(Cat(s.opposite.replicate(3), s.larger, s.opposite) + s.smaller)
+        else:
+            larger = Cat(C(0, 3), s.larger, C(0, 1))
+            m.d.comb += total.eq(s.smaller + (larger ^ s.opposite.replicate(len(total))))
         s = rank("sum", **pick(s, classes, numbers), total=total)
         magnitude = Signal.like(total)
         m.d.comb += magnitude.eq(s.total ^ (s.opposite & s.total[-1]).replicate(len(total)))
@@ -161,27 +180,25 @@ class FpAdd(RoundedOperator):
         s = rank("coarse", **classes, sign=s.sign ^ lacks_unit, exponent=s.exponent, both_are_zero=s.both_are_zero,
                  magnitude=magnitude, moved=moved, room=room)
         if self._dsp_shifts:
-            power, zeros, filled = _leading_one(s.magnitude, 1 << levels - 1)
-            product = _cascaded(m, "normalised", power, s.magnitude)[:len(s.magnitude)]
-            s = rank("normalise", **pick(s, classes, numbers), product=product, zeros=Cat(zeros, s.moved),
-                     filled=Mux(s.magnitude[0], filled, 0))
-            magnitude = s.product | s.filled
+            power, zeros, freed = _leading_one(s.magnitude, 1 << levels - 1)
+            s = rank("power", **pick(s, classes, numbers), magnitude=s.magnitude, power=power, zeros=Cat(zeros, s.moved),
+                     filled=Mux(s.magnitude[0], freed, 0))
+            magnitude, zeros = _product(m, s.power, s.magnitude)[:len(total)] | s.filled, s.zeros
         else:
             magnitude, room, zeros = s.magnitude, s.room, s.moved
             for level in reversed(range(levels - 1)):
                 magnitude, moved, room = _move_left(m, magnitude, level, s.exponent, room)
                 zeros = Cat(moved, zeros)
-            s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
-            magnitude = s.magnitude
+        s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
 
         # Round, and compute the exponent in the same addition: it is 1 - zeros, and all its bits but the
         # lowest are those of -(zeros >> 1). A subnormal has the exponent 0.
-        significand, guard, sticky = magnitude[4:], magnitude[3], magnitude[:3].any()
+        significand, guard, sticky = s.magnitude[4:], s.magnitude[3], s.magnitude[:3].any()
         change = Cat(~s.zeros[0], *(s.zeros[bit] ^ s.zeros[1:bit].any() for bit in range(1, levels)),
                      s.zeros[1:].any().replicate(max(width + 1 - levels, 0)))[:width + 1]
         exponent = s.exponent
         if fmt.gradual:
-            is_zero = ~magnitude.any()
+            is_zero = ~s.magnitude.any()
             change, exponent = (value & significand[-1].replicate(len(value)) for value in (change, exponent))
         else:
             is_zero = ~significand[-1] | s.both_are_zero
@@ -235,22 +252,23 @@ def _leading_one(value, count):
 
     Returns (power, number of zeros above the one, the bits that the shift makes free).
     """
-    power, filled, above = [], [], C(0)
+    power, freed, above = [], [], C(0)
     for bit in reversed(value[-count:]):
         power.append(bit & ~above)
         above |= bit
-        filled.append(~above)
+        freed.append(~above)
     zeros = [Cat(one for place, one in enumerate(power) if place >> level & 1).any()
              for level in range((count - 1).bit_length())]
-    return Cat(*power), Cat(*zeros), Cat(*filled[:-1])
+    return Cat(*power), Cat(*zeros), Cat(*freed[:-1])
 
 
-def _cascaded(m, name, a, b):
-    """a * b, in at most two slices of ``b``, which the DSP blocks that multiply them can add."""
-    low = Signal(len(a) + min(len(b), SLICE), name=f"{name}_low")
-    if len(b) <= SLICE:
-        m.d.comb += low.eq(a * b)
-        return low
-    high = Signal(len(a) + len(b) - SLICE, name=f"{name}_high")
-    m.d.comb += [low.eq(a * b[:SLICE]), high.eq(a * b[SLICE:] + low[SLICE:])]
-    return Cat(low[:SLICE], high)
+def _product(m, a, b):
+    """a * b, by slices of b; each DSP block adds the higher bits of the product before it."""
+    done, carried = [], C(0, 0)
+    for low in range(0, len(b), SLICE):
+        part = b[low:low + SLICE]
+        product = Signal(len(a) + len(part), name=f"normalised_{low}")
+        m.d.comb += product.eq(a * part + carried)
+        done.append(product[:SLICE] if low + SLICE < len(b) else product)
+        carried = product[SLICE:]
+    return Cat(*done)

@@ -107,7 +107,7 @@ class RoundedOperator(PipelinedOperator):
         Direction of rounding, or its value.
     flags : bool
         True for an output ``flags``.
-    quiet : bool
+    pipeline, quiet
         As of PipelinedOperator.
 
     Raises: ValueError if ``latency`` or ``rounding`` is out of range.
@@ -115,12 +115,12 @@ class RoundedOperator(PipelinedOperator):
 
     GRADUAL_PIPELINE: Pipeline | None = None
 
-    def __init__(self, format, operands, *, latency, rounding, flags, quiet=False):
+    def __init__(self, format, operands, *, latency, rounding, flags, pipeline=None, quiet=False):
         self._format = format
         self._rounding = Rounding(rounding)
         self._flags = bool(flags)
         super().__init__(operands, {"result": format.layout, **flags_member(flags)}, latency=latency,
-                         pipeline=self.GRADUAL_PIPELINE if format.gradual else None, quiet=quiet)
+                         pipeline=self.GRADUAL_PIPELINE if format.gradual else pipeline, quiet=quiet)
 
     @property
     def format(self):
