@@ -181,8 +181,8 @@ class FpAdd(RoundedOperator):
                  magnitude=magnitude, moved=moved, room=room)
         if self._dsp_shifts:
             power, zeros, freed = _leading_one(s.magnitude, 1 << levels - 1)
-            s = rank("power", **pick(s, classes, numbers), magnitude=s.magnitude, power=power, zeros=Cat(zeros, s.moved),
-                     filled=Mux(s.magnitude[0], freed, 0))
+            s = rank("power", **pick(s, classes, numbers), magnitude=s.magnitude, power=power,
+                     zeros=Cat(zeros, s.moved), filled=Mux(s.magnitude[0], freed, 0))
             magnitude, zeros = _product(m, s.power, s.magnitude)[:len(total)] | s.filled, s.zeros
         else:
             magnitude, room, zeros = s.magnitude, s.room, s.moved

@@ -118,9 +118,10 @@ class UpdateMachine(Machine):
     """The rules of Engine: one update at a time.
 
     Results of units that are not direct, and inputs, are registered on the way to the bus; with horizontal microcode,
-    inputs and constants twice. Constants have steps like inputs, so that no update depends on what the memory contained before. Each state word has such a step, too, which
-    restores its reset value in the first update after a reset. A result may be forwarded to its readers in the cycle in
-    which it comes out. Conditions and the state always come from memory.
+    inputs and constants twice. Constants have steps like inputs, so that no update depends on what the memory contained
+    before. Each state word has such a step, too, which restores its reset value in the first update after a reset. A
+    result may be forwarded to its readers in the cycle in which it comes out. Conditions and the state always come from
+    memory.
     """
 
     def __init__(self, pool):
