@@ -121,12 +121,12 @@ class FpAdd(RoundedOperator):
         m.d.comb += far.eq(distance[levels:].any() | (smaller_is_zero & (not fmt.gradual)))
         larger = Mux(swap, s.b_significand, s.a_significand)
         if self._dsp_shifts:
-            # The greatest shift but one leaves the top bit at the round bit, and is a product with 1.
+            # The farthest of the shifts leaves the top bit at the round bit, and is a product with 1.
             shifts = fmt.precision + 2
-            power = (Mux(swap, distance[:levels] == shift, distance[:levels] + 1 == shift)
-                     for shift in reversed(range(shifts)))
+            at = [distance[:levels] == place for place in range(shifts)]
+            power = reversed([Mux(swap, *pair) for pair in zip(at, (C(0), *at), strict=False)])
             shift = {"near": Mux(swap, s.a_significand, s.b_significand), "power": Mux(far, 0, Cat(*power)),
-                     "beyond": far | (distance[:levels] + ~swap >= shifts)}
+                     "beyond": far | (distance[:levels] >= Mux(swap, shifts, shifts - 1))}
             larger ^= s.opposite.replicate(fmt.precision)
         else:
             near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))

@@ -11,6 +11,9 @@ FIXED_LUT = 120
 OF_MUX = 3
 """A LUT of six inputs takes this number of sources more than one."""
 
+OF_OR = 5
+"""A LUT of six inputs takes this number of inputs of an OR more than one."""
+
 RAM_LUT = {16: 0.67, 32: 0.67, 64: 1.34}
 """LUTs of a bit of LUT RAM with one read port, by its depth: UG474, RAM32M and RAM64M."""
 
@@ -35,7 +38,7 @@ def estimate(plan: dict[str, Any], units: dict[str, dict[str, Any]]) -> dict[str
     copies, width = 2 * plan["pairs"], plan["width"]
     lut = FIXED_LUT + sum(unit["lut"] for unit in taken)
     lut += width * (copies * _mux(plan["operand_sources"]) + sum(map(_mux, plan["bus_sources"]))
-                    + _mux(plan["other_sources"]))
+                    + _mux(plan["other_sources"]) + -(-max(plan["met_sources"] - 1, 0) // OF_OR))
     bram = sum(unit["bram"] for unit in taken)
     for style, depth in (plan["memory"], plan["depth"]), (plan["side"], plan["side_depth"]):
         if style == "block":

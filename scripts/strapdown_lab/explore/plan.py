@@ -57,13 +57,16 @@ def _figures(module, config):
     program = core.engine.program
     pool = program.schedule.pool
     number = program.format.width
+    # With horizontal microcode the results meet in an OR, and nothing selects them.
+    selected = {bus: names for bus, names in program.sources.items() if not pool.horizontal}
     forwarded = getattr(program, "operand_sources", ())
     return {
         "cycles": cycles_of(core), "latency": core.latency,
         "units": [unit.kind for unit in program.units], "width": number, "pairs": len(program.read_ports),
         "operand_sources": len(forwarded) or 1 + bool(program.side_depth),
-        "bus_sources": [len(names) for names in program.sources.values() if names],
-        "other_sources": len(getattr(program, "other_sources", ())),
+        "bus_sources": [len(names) for names in selected.values() if names],
+        "other_sources": 0 if pool.horizontal else len(getattr(program, "other_sources", ())),
+        "met_sources": len(program.units) + len(program.graph.inputs) + 1 if pool.horizontal else 0,
         "memory": pool.operand_memory.value, "depth": program.depth,
         "side": pool.side_memory.value if program.side_depth else None, "side_depth": program.side_depth,
         "microcode": pool.microcode.value, "words": program.length, "word_bits": program.layout.size}

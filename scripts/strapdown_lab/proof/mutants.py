@@ -50,7 +50,7 @@ MUTANTS = (
          ("near = Mux(swap, Cat(C(0, 2), s.a_significand)", "near = Mux(swap, Cat(C(0, 1), s.a_significand, C(0, 1))",
           "alignment of a is off by one"),
          ("sticky = s.sticky | lost", "sticky = s.sticky", "sticky bit of the far shift is lost"),
-         ("distance[:levels] + 1 == shift", "distance[:levels] == shift", "alignment of b by a product is off by one"),
+         ("zip(at, (C(0), *at), strict=False)", "zip(at, at)", "alignment of b by a product is off by one"),
          ("product[:shifts - 3].any() | s.beyond", "s.beyond", "sticky bit of the product is lost"),
          ("filled=Mux(s.magnitude[0], freed, 0)", "filled=C(0, 1)", "differences are a unit too small"),
          ("a * part + carried", "a * part", "a product has no carry between its slices"),
