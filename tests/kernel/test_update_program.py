@@ -35,8 +35,9 @@ def interpret(program, inputs, memory, bank, fresh):
         if horizontal:
             # Nothing selects: the bus has the only result that comes out in this cycle, or zero.
             (bus,) = [value for (_, at), value in coming.items() if at == cycle] or [FORMAT.array(0.0)]
-            for name in word.get("input", {}):
-                coming[name, cycle + 2] = ports[name]
+            for name, muted in word["mute"].items():
+                if not muted:
+                    coming[name, cycle + 2] = ports[name]
             if number := word.get("constant", 0):
                 coming["constant", cycle + 2] = FORMAT.array(program.constants[number])
             for name in word.get("arrives", {}):

@@ -175,7 +175,8 @@ class Engine(SystemComponent):
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs=program.schedule.pool.microcode.attributes("rom_style"))
         fetch = rom.read_port()
-        next_word, word = Signal(program.layout, name="next_word"), Signal(program.layout, name="word")
+        next_word = Signal(program.layout, name="next_word")
+        word = Signal(program.layout, name="word", init=program.resting)
         last, due, taken = Signal(name="last"), Signal(name="due"), Signal(name="taken")
         m.d.comb += [fetch.addr.eq(cycle), next_word.eq(fetch.data), last.eq(word.advance & (state == END - 1)),
                      due.eq(left < 0), taken.eq(idle & primed & start)]
@@ -195,7 +196,7 @@ class Engine(SystemComponent):
                        bank=Signal(name="bank"), fresh=Signal(name="fresh", init=1))
 
     def _word(self, m, control):
-        """The current word: zero while the engine is idle.
+        """The current word: that of rest while the engine is idle.
 
         The bank inverts the lowest bit of addresses of the state, and the steps that restore the state are enabled only
         after a reset. Both are applied one cycle before the word is used, because neither changes during an update.
@@ -208,7 +209,7 @@ class Engine(SystemComponent):
                 read, turned = (_field(fields, path).address for fields in (next_word, settled))
                 m.d.comb += turned.eq(read ^ (control.bank & (read < program.state_words)))
             m.d.comb += settled.write.enable.eq(next_word.write.enable & (control.fresh | ~next_word.write.restore))
-        m.d.sync += control.word.eq(Mux(control.active, settled, 0))
+        m.d.sync += control.word.eq(Mux(control.active, settled, program.layout.const(program.resting)))
         return control.word
 
     def _inputs(self, m, control):
@@ -281,7 +282,7 @@ class Engine(SystemComponent):
         driving = [self._constants(m, word.constant)]
         for port, value in captured.items():
             gated = Signal(width, name=f"{port}_gated", reset_less=True)
-            m.d.sync += gated.eq(Mux(word.input[port], value, 0))
+            m.d.sync += gated.eq(Mux(word.mute[port], 0, value))
             driving.append(gated)
         other = Signal(width, name="other", reset_less=True)
         m.d.sync += other.eq(reduce(or_, driving))
@@ -365,7 +366,7 @@ class Engine(SystemComponent):
         of_input, foreign = Signal(name="of_input"), Signal(name="foreign")
         if program.horizontal:
             before = Signal(name="input_before")
-            m.d.sync += [before.eq(Value.cast(word.input).any()), of_input.eq(before)]
+            m.d.sync += [before.eq(~Value.cast(word.mute).all()), of_input.eq(before)]
             shows_input = of_input
         else:
             first = len(program.other_sources) - len(program.graph.inputs)

@@ -234,8 +234,9 @@ class UpdateProgram(Program):
     second update. The values of one update follow, constants included, each kept from the cycle after its write to its
     last read. The side memory uses the highest addresses of the main memory, whose lowest bit is not inverted.
 
-    With horizontal microcode no field selects the source of the bus. ``input`` has a bit for each port, and ``arrives``
-    one for each output and status bit. ``constant`` is 0 where the bus takes none: the first constant is zero.
+    With horizontal microcode no field selects the source of the bus. ``mute`` has a bit for each input port, which is low
+    where the bus takes the input, and ``arrives`` one for each output and status bit. ``constant`` is 0 where the bus
+    takes none: the first constant is zero.
     """
 
     @property
@@ -353,7 +354,7 @@ class UpdateProgram(Program):
         if self.horizontal:
             constant = unsigned(bits_for(max(len(self.constants), 2) - 1))
             return {**fields, "write": data.StructLayout(write), "constant": constant,
-                    "input": data.StructLayout(dict.fromkeys(self.graph.inputs, 1)),
+                    "mute": data.StructLayout(dict.fromkeys(self.graph.inputs, 1)),
                     "arrives": data.StructLayout(dict.fromkeys(self.arrivals, 1)), "advance": 1}
         fields["write"] = data.StructLayout(write | {"source": unsigned((len(self.sources["main"]) - 1).bit_length())})
         if self.side_depth:
@@ -386,7 +387,7 @@ class UpdateProgram(Program):
     def _drive(self, put, step):
         """Set the fields of horizontal microcode that let a step's result go over the bus."""
         if step.unit == "input":
-            put(step.issue, "input", **{step.node.label: 1})
+            put(step.issue, "mute", **{step.node.label: 0})
         if step.unit == "constant":
             put(step.issue, constant=self.constants.index(self.constant(step.node)))
         put(step.write, "write", enable=1, address=self.addresses[step.node],
@@ -405,9 +406,18 @@ class UpdateProgram(Program):
     def _condition(self, step):
         return {"address": self.addresses[step.node.condition.node]}
 
+    @property
+    def resting(self):
+        """The word while no update runs: all fields are zero, but inputs are muted."""
+        return {"mute": dict.fromkeys(self.graph.inputs, 1)} if self.horizontal else {}
+
     def _finish(self, put):
         for end in self.schedule.section_ends:
             put(end, advance=1)
+        if self.horizontal:
+            driving = {(step.issue, step.node.label) for step in self.schedule.steps if step.unit == "input"}
+            for cycle in range(self.length):
+                put(cycle, "mute", **{port: 1 for port in self.graph.inputs if (cycle, port) not in driving})
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,7 @@ MUTANTS = (
          ("taken.eq(idle & primed & start)", "taken.eq(start)", "a start disturbs an update"),
          tests="lab/proof/test_formal.py", select="QUAT_direct"),
     *_of("kernel/engine.py",
-         ("Mux(word.input[port], value, 0)", "value", "all inputs meet on the bus at all times"),
+         ("Mux(word.mute[port], 0, value)", "value", "all inputs meet on the bus at all times"),
          ("Mux(component.done, result, 0)", "result", "a result that stays is on the bus at all times"),
          ("return control.word.arrives[name]", "return control.word.write.enable", "an output takes every result"),
          tests="cores/test_attitude.py", select="compact"),
