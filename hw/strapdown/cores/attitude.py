@@ -210,7 +210,7 @@ THESIS = AttitudeConfig(
 
 THESIS_COMPACT = THESIS.replace(
     name="thesis_compact", description="the same, small: one operation after another, atan2 without an operator",
-    pool=Pool(operators=(Adder(latency=6, dsp_shifts=True), Multiplier(), TableReciprocal(), Selector()),
+    pool=Pool(operators=(Adder(), Multiplier(), TableReciprocal(), Selector()),
               forwarding=False, private_ports=False, operand_memory=MemoryStyle.BLOCK, side_memory=False,
               horizontal=True))
 

@@ -164,5 +164,5 @@ def properties() -> Iterator[Property]:
                 yield from sequencer(module, config)
     for config in CONFIGS.values():
         if config.channels == 1 and not config.assemblies():
-            several = config.replace(channels=8)
+            several = config.replace(channels=8, horizontal=False)
             yield from sequencer(main_module(several), several)

@@ -10,7 +10,7 @@ from strapdown_lab.synthesis import Xc7Resources, synthesise_xc7
 
 BUDGETS = {
     "thesis": {"cycles": 148, "lut": 1950, "dsp": 12, "bram": 4},
-    "thesis_compact": {"cycles": 350, "lut": 700, "dsp": 8, "bram": 3},
+    "thesis_compact": {"cycles": 350, "lut": 750, "dsp": 4, "bram": 3},
     "thesis_fast": {"cycles": 120, "lut": 3600, "dsp": 14, "bram": 5},
     "thesis_x8": {"cycles": 91, "lut": 2300, "dsp": 12, "bram": 7},
     "flight": {"cycles": 450, "lut": 3800, "dsp": 6},
