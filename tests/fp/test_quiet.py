@@ -12,6 +12,8 @@ FLUSHED = BINARY16.with_subnormals("flush")
 OPERATORS = {
     "add_1": (FpAdd, {"latency": 1}), "add_5": (FpAdd, {"latency": 5}), "add_flags": (FpAdd, {"flags": True}),
     "multiply": (FpMultiply, {}), "select": (FpSelect, {}), "table_reciprocal": (FpTableReciprocal, {}),
+    # The only rank is that of the table.
+    "table_reciprocal_1": (FpTableReciprocal, {"latency": 1}),
 }
 
 

@@ -138,8 +138,8 @@ class Ranks:
 
     ``rank("align", sign=…, sum=…)`` returns a namespace with the same values. If the pipeline has a rank
     at that cut, the values are registered, except constants. ``valid`` is delayed in the same way.
-    Only the chain of ``valid`` has a reset; data registers have none. If the ranks are ``quiet``, those at the last cut
-    take zeros where they are not valid.
+    Only the chain of ``valid`` has a reset; data registers have none. If the ranks are ``quiet``, the values at the
+    last cut are zero where they are not valid.
     """
 
     def __init__(self, m, cuts, placed, valid, *, quiet=False):
@@ -151,6 +151,8 @@ class Ranks:
 
     def __call__(self, cut, **values):
         assert next(self._cuts) == cut, "cuts must be passed in the order of the pipeline"
+        if cut == self._silenced:
+            values = {name: Mux(self.valid, value, 0) for name, value in values.items()}
         if cut not in self._placed:
             return SimpleNamespace(**values)
         registered = {}
@@ -159,7 +161,7 @@ class Ranks:
                 registered[name] = value
                 continue
             register = Signal.like(value, name=f"{cut}_{name}", reset_less=True)
-            self._m.d.sync += register.eq(Mux(self.valid, value, 0) if cut == self._silenced else value)
+            self._m.d.sync += register.eq(value)
             registered[name] = register
         valid = Signal(name=f"{cut}_valid")
         self._m.d.sync += valid.eq(self.valid)

@@ -234,9 +234,9 @@ class UpdateProgram(Program):
     second update. The values of one update follow, constants included, each kept from the cycle after its write to its
     last read. The side memory uses the highest addresses of the main memory, whose lowest bit is not inverted.
 
-    With horizontal microcode no field selects the source of the bus. ``mute`` has a bit for each input port, which is low
-    where the bus takes the input, and ``arrives`` one for each output and status bit. ``constant`` is 0 where the bus
-    takes none: the first constant is zero.
+    With horizontal microcode no field selects the source of the bus. ``mute`` has a bit for each input port, which is
+    low where the bus takes the input, and ``arrives`` one for each output and status bit. ``constant`` is 0 where the
+    bus takes none: the first constant is zero.
     """
 
     @property
