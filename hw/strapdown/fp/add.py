@@ -22,7 +22,7 @@ class FpAdd(RoundedOperator):
     format : FloatFormat
         Format of operands and result.
     latency : int
-        Register ranks, 1 to 8.
+        Register ranks, 1 to 8, or with ``dsp_shifts`` 1 to 10.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool

@@ -177,10 +177,12 @@ def _curves(rows):
     curves: dict[str, dict[tuple, list]] = {}
     for row in rows:
         if row["interval"] == 1:
-            curves.setdefault(row["operator"], {}).setdefault((row["subnormals"], *row["formats"]), []).append(row)
+            kinds = [name.replace("_", " ") for name, value in row["parameters"].items() if value is True]
+            name = ", ".join([" to ".join(row["formats"]), *kinds])
+            curves.setdefault(row["operator"], {}).setdefault((row["subnormals"], name), []).append(row)
     return {operator: [
-        _Curve(" to ".join(formats), _GRADUAL if policy == "gradual" else OURS,
-               sorted(group, key=lambda row: row["latency"])) for (policy, *formats), group in groups.items()]
+        _Curve(name, _GRADUAL if policy == "gradual" else OURS,
+               sorted(group, key=lambda row: row["latency"])) for (policy, name), group in groups.items()]
         for operator, groups in curves.items()
         if max(len({row["latency"] for row in group}) for group in groups.values()) >= 3}
 
