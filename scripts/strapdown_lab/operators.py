@@ -40,6 +40,7 @@ __all__ = ["OPERATORS", "Claim", "FullRun", "Measured", "OperatorEntry", "Varian
 FLUSH = BINARY32.with_subnormals("flush")
 BOTH = (BINARY32,), (FLUSH,)
 FLUSH_FIRST = (FLUSH,), (BINARY32,)
+DOUBLE = [(BINARY64.with_subnormals("flush"),)]
 
 # Small formats, for which all operands can be tried.
 TINY = FloatFormat(2, 1)
@@ -102,6 +103,10 @@ def _is_default_or_deep(component, formats, parameters):
 
 def _never(component, formats, parameters):
     return False
+
+
+def _always(component, formats, parameters):
+    return True
 
 
 @dataclass(frozen=True)
@@ -223,6 +228,9 @@ _FORMATS = tuple(fmt for fmt, in BOTH)
 _RECURRENCES = {"format": _FORMATS, "iterative": (False, True), **_BITS}
 
 
+_AHEAD = {"looks_ahead": (False, True)}
+
+
 def _digit_recurrence(component, title, special_values, **parts):
     """The entry of a digit recurrence that may be pipelined or iterative."""
     return OperatorEntry(
@@ -230,8 +238,8 @@ def _digit_recurrence(component, title, special_values, **parts):
         measured=tuple(Measured(FLUSH_FIRST, {"bits_per_cycle": (1, 2, 3), "iterative": (iterative,)}, title)
                        for iterative in (False, True)),
         control=(Variants([(SMALL,)], {"bits_per_cycle": (1, 2, SMALL.precision)}),
-                 Variants([(TINY,)], {"bits_per_cycle": (1, 2), "iterative": (True,)})),
-        claim=Claim.ROUNDED, proved=(Variants(_policies(SMALL)),), **parts)
+                 Variants([(TINY,)], {"bits_per_cycle": (1, 2), "iterative": (True,), **_AHEAD})),
+        claim=Claim.ROUNDED, proved=(Variants(_policies(SMALL), _AHEAD),), **parts)
 
 
 def _fixed(title, width, fraction_bits):
@@ -250,14 +258,16 @@ OPERATORS = (
         FpAdd, lambda: "\n\n".join([special.binary_tables(FpAdd, "a + b", subtract=False),
                                     special.binary_tables(FpAdd, "a − b", subtract=True)]),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "add", _is_default_or_deep),
-                                 Measured([(FLUSH,)], {**_DSP, "latency": (6,)}, "add")),
+                                 Measured([(FLUSH,)], {**_DSP, "latency": (6,)}, "add"),
+                                 Measured(DOUBLE, {"latency": (6, 7, 8)}, "add, binary64", _always)),
         control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET),
                  Variants([(SMALL.with_subnormals("flush"),)], {**_DSP, **_DEEP})),
         claim=Claim.ROUNDED, proved=(Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]), Variants(_FLUSHED, _DSP)),
         tried=(Variants(_policies(EIGHT_BITS)), Variants(_FLUSHED[1:], _DSP))),
     OperatorEntry(
         FpMultiply, partial(special.binary_tables, FpMultiply),
-        choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "multiply", _is_default_or_deep),),
+        choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "multiply", _is_default_or_deep),
+                                 Measured(DOUBLE, {"latency": (2, 3, 4)}, "multiply, binary64", _always)),
         control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET)),
         claim=Claim.ROUNDED, proved=(Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]),),
         tried=(Variants(_policies(EIGHT_BITS)),)),
@@ -269,7 +279,7 @@ OPERATORS = (
         claim=Claim.ROUNDED, proved=(Variants(_policies(TINY)),)),
     _digit_recurrence(
         FpDivide, "divide", partial(special.binary_tables, FpDivide),
-        tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (4,)}),)),
+        tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (4,), **_AHEAD}),)),
     _digit_recurrence(
         FpSquareRoot, "square root", partial(special.unary_table, FpSquareRoot),
         full_runs=(FullRun("sqrt", partial(FpSquareRoot, BINARY32), "square_root", "square root, gradual"),)),
@@ -279,9 +289,10 @@ OPERATORS = (
             "Square root of a, `square_root` = 1:",
             special.unary_table(FpDivideSquareRoot, b=1, square_root=True)]),
         choices=_BITS,
-        measured=(Measured(FLUSH_FIRST, {"bits_per_cycle": (1, 2, 3)}, "divide and square root", _is_flushed),),
-        control=(Variants([(TINY,)], {"bits_per_cycle": (1, 2)}),),
-        tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (3,)}),)),
+        measured=(Measured(FLUSH_FIRST, {"bits_per_cycle": (1, 2, 3)}, "divide and square root", _is_flushed),
+                  Measured(DOUBLE, {"bits_per_cycle": (1, 2)}, "divide and square root, binary64", _always)),
+        control=(Variants([(TINY,)], {"bits_per_cycle": (1, 2), **_AHEAD}),),
+        tried=(Variants(_policies(EIGHT_BITS), {"bits_per_cycle": (3,), **_AHEAD}),)),
     OperatorEntry(
         FpReciprocalSquareRoot, partial(special.unary_table, FpReciprocalSquareRoot),
         choices=_BITS,
@@ -355,9 +366,12 @@ OPERATORS = (
         CordicAtan2, partial(special.arctangent_tables, CordicAtan2),
         choices={"format": _FORMATS, "iterative": (True, False), "steps_per_cycle": _PER_CYCLE},
         measured=(Measured(FLUSH_FIRST, {"steps_per_cycle": (1, 2), "iterative": (True,)}, "arctangent", _is_flushed),
-                  Measured([(FLUSH,)], {"steps_per_cycle": (1,), "iterative": (False,)}, "arctangent", _is_flushed)),
+                  Measured([(FLUSH,)], {"steps_per_cycle": (1,), "iterative": (False,)}, "arctangent", _is_flushed),
+                  Measured(DOUBLE, {"steps_per_cycle": (1,), "iterative": (True,)}, "arctangent, binary64", _always)),
         control=(Variants(_policies(FloatFormat(3, 1)), {"steps_per_cycle": (3,), "iterative": (False,)}),
-                 Variants(_policies(FloatFormat(3, 1)), {"steps_per_cycle": (1, 3), "iterative": (True,)}))),
+                 Variants(_policies(FloatFormat(3, 1)), {"steps_per_cycle": (1, 3), "iterative": (True,)}),
+                 Variants(_policies(FloatFormat(3, 1)), {"steps_per_cycle": (1,), "iterative": (True,),
+                                                         "registered_addends": (True,)}))),
     OperatorEntry(
         TableAtan2, partial(special.flushed_table, TableAtan2, ("y", "x")), parameters={"format": FLUSH},
         measured=(Measured([(FLUSH,)], {"degrees": (False, True)}, "arctangent by table"),),

@@ -65,6 +65,10 @@ def random_pairs(fmt, count, seed):
     ({"steps_per_cycle": 0}, ValueError, "steps_per_cycle must be at least 1, not 0"),
     ({"width": 25}, ValueError, "width must be from 26 to 59, not 25"),
     ({"width": 60}, ValueError, "width must be from 26 to 59, not 60"),
+    ({"registered_addends": True}, ValueError,
+     "registered_addends must not be True for a pipeline, or with several steps per cycle"),
+    ({"registered_addends": True, "iterative": False}, ValueError,
+     "registered_addends must not be True for a pipeline, or with several steps per cycle"),
     ({"iterations": 25}, ValueError, "iterations must be at least 26, not 25"),
     ({"format": FloatFormat(11, 60)}, ValueError, "format must have a precision of at most 57 bits, not 61"),
     ({"steps_per_cycle": 2.0}, TypeError, "'float' object cannot be interpreted as an integer"),
@@ -81,6 +85,8 @@ def test_properties():
     atan2 = CordicAtan2(BINARY32.with_subnormals("flush"), width=28, iterations=28, steps_per_cycle=3)
     assert (atan2.width, atan2.iterations, atan2.latency, atan2.interval) == (28, 30, 14, 13)
     assert CordicAtan2(BINARY32.with_subnormals("flush"), steps_per_cycle=1).latency == 34
+    wide = [CordicAtan2(BINARY64.with_subnormals("flush"), steps_per_cycle=count) for count in (1, 2)]
+    assert [(atan2.registered_addends, atan2.latency) for atan2 in wide] == [(True, 65), (False, 34)]
     atan2 = CordicAtan2(BINARY32, magnitude=True, iterative=False)
     assert (atan2.width, atan2.latency, atan2.interval, atan2.has_magnitude) == (30, 35, 1, True)
 
@@ -220,6 +226,10 @@ CIRCUITS = {
     "binary32_length": (FORMATS["binary32_gradual"], {"magnitude": True, "steps_per_cycle": 3}, 200_000),
     "binary32_pipelined": (FORMATS["binary32_gradual"], {"magnitude": True, "iterative": False}, 300_000),
     "binary64_length": (FORMATS["binary64_flush"], {"magnitude": True}, 10_000),
+    "binary64_1": (FORMATS["binary64_flush"], {"steps_per_cycle": 1}, 10_000),
+    "binary64_length_1": (FORMATS["binary64_gradual"], {"magnitude": True, "steps_per_cycle": 1}, 10_000),
+    "binary16_registered": (FORMATS["binary16_gradual"], {"magnitude": True, "steps_per_cycle": 1, "width": 40,
+                                                          "iterations": 13, "registered_addends": True}, 200_000),
     "binary16_flush_1": (FORMATS["binary16_flush"], {"steps_per_cycle": 1, "width": 13, "iterations": 13}, 200_000),
     "bfloat16_length": (FORMATS["bfloat16_gradual"], {"magnitude": True}, 200_000),
     "custom_pipelined": (FORMATS["float6_16_flush"], {"magnitude": True, "iterative": False}, 100_000),

@@ -10,7 +10,8 @@ from strapdown.fp import BINARY32, FpAdd, Rounding
 from . import oracle
 from .support import FORMATS, Bank, assert_equal, canonical, expected, pairs_for, random_pairs, sign_bit, vectors
 
-LATENCIES = {"binary32_gradual": (1, 3, 5, 8), "binary32_flush": (1, 2, 3, 4, 5, 6, 7, 8)}
+LATENCIES = {"binary32_gradual": (1, 3, 5, 8), "binary32_flush": (1, 2, 3, 4, 5, 6, 7, 8),
+             "binary64_gradual": (5, 8), "binary64_flush": (5, 7)}
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import operator
 import numpy as np
 import pytest
 
-from strapdown.fp import BINARY16, BINARY32, FpDivide, FpDivideSquareRoot, FpSquareRoot, Rounding
+from strapdown.fp import BINARY16, BINARY32, BINARY64, FpDivide, FpDivideSquareRoot, FpSquareRoot, Rounding
 
 from .support import (
     FORMATS,
@@ -34,6 +34,8 @@ def pipelined(models, tmp_path_factory):
                  for name, count in PIPELINED.items() for make in (FpDivide, FpSquareRoot)}
     operators |= {f"{make.__name__}_flags": make(BINARY32, bits_per_cycle=7, flags=True)
                   for make in (FpDivide, FpSquareRoot)}
+    operators |= {f"{make.__name__}_ahead": make(BINARY32, bits_per_cycle=4, looks_ahead=True)
+                  for make in (FpDivide, FpSquareRoot)}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
@@ -49,11 +51,13 @@ def shared(models, tmp_path_factory):
 @pytest.fixture(scope="module")
 def iterative(models, tmp_path_factory):
     """All other iterative circuits."""
-    bits = {"narrow_gradual": 1, "binary64_gradual": 5, "binary64_flush": 6}
+    bits = {"narrow_gradual": 1, "binary64_gradual": 5, "binary64_flush": 2}
     operators = {f"both_{name}": FpDivideSquareRoot(fmt, bits_per_cycle=bits.get(name, 3))
                  for name, fmt in FORMATS.items()}
     operators |= {
         "both_24": FpDivideSquareRoot(BINARY32, bits_per_cycle=24),
+        "ahead": FpDivideSquareRoot(BINARY32, looks_ahead=True),
+        "ahead_3": FpDivideSquareRoot(FLUSH, bits_per_cycle=3, looks_ahead=True),
         "divide": FpDivide(FLUSH, iterative=True),
         "root": FpSquareRoot(FLUSH, iterative=True),
     }
@@ -76,6 +80,8 @@ def test_properties():
     assert (both.latency, both.interval, both.iterative) == (11, 10, True)
     assert (pipelined.rounding, both.rounding) == (Rounding.NEAREST_EVEN, Rounding.DOWNWARD)
     assert "flags" not in both.signature.members
+    assert [make(fmt).looks_ahead for fmt in (BINARY32, BINARY64)
+            for make in (FpDivide, FpSquareRoot, FpDivideSquareRoot)] == 3 * [False] + 3 * [True]
 
 
 @pytest.mark.parametrize("make", [FpDivide, FpSquareRoot, FpDivideSquareRoot])

@@ -23,7 +23,8 @@ from .support import (
     with_exponent,
 )
 
-LATENCIES = {"binary32_gradual": (1, 3, 5, 6, 8), "binary32_flush": (1, 2, 3, 4, 5, 6)}
+LATENCIES = {"binary32_gradual": (1, 3, 5, 6, 8), "binary32_flush": (1, 2, 3, 4, 5, 6),
+             "binary64_flush": (3, 4)}
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from amaranth import *
 
 from ..fp import exact
 from ..fp.rounding import Rounding, bit_length, round_encoding
-from ..fp.stages import normalise, round_and_pack, round_significand, unpack
+from ..fp.stages import NARROW, normalise, round_and_pack, round_significand, unpack
 from .component import CordicComponent, blockwise
 from .tables import SCALE, encode_scaled, round_shift, scaled_atan, scaled_reciprocal_gain
 
@@ -47,6 +47,9 @@ class CordicAtan2(CordicComponent):
         operation may start in every cycle. Both give the same bits.
     magnitude : bool
         True for an output ``magnitude``; it costs one multiplication by a constant.
+    registered_addends : bool or None
+        True: registers between shifter, table and adders, for a higher clock frequency; only iterative with
+        one step per cycle. None means True there for formats longer than binary32.
 
     Members
     -------
@@ -62,7 +65,8 @@ class CordicAtan2(CordicComponent):
 
     Latency: ``latency`` cycles, ``start`` to ``done``, for all operands: 4 plus
     ``iterations / steps_per_cycle``, plus the normalisation of gradual subnormals: 2 iterative,
-    1 pipelined. One operation every ``interval`` cycles: ``latency - 1`` iterative, 1 pipelined.
+    1 pipelined, plus 2 with ``registered_addends``. One operation every ``interval`` cycles:
+    ``latency - 1`` iterative, 1 pipelined.
     Accuracy: the angle within ``error_bound_ulp``, subnormal results included, binary32 and
     binary64 by default 0.69 ulp; the length within ``magnitude_error_bound_ulp``, binary32 by
     default 0.68, binary64 0.80 ulp. A flushed angle is compared after the steps, before rounding.
@@ -84,10 +88,16 @@ class CordicAtan2(CordicComponent):
     # that is, and index i alone selects shift and angle. In the other octants the angle is pi/2 or pi
     # minus or plus this angle, and z is first shifted back to its place, by 2**-d.
 
-    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=None, iterative=True, magnitude=False):
+    def __init__(self, format, *, width=None, iterations=None, steps_per_cycle=None, iterative=True, magnitude=False,
+                 registered_addends=None):
         self._take(format, least_exponent_width=3, iterations=iterations, steps_per_cycle=steps_per_cycle,
                    iterative=iterative)
         self._magnitude = bool(magnitude)
+        possible = self._iterative and self._steps_per_cycle == 1
+        if registered_addends and not possible:
+            raise ValueError("registered_addends must not be True for a pipeline, or with several steps per cycle")
+        wide = format.precision > NARROW
+        self._registered_addends = possible and (wide if registered_addends is None else bool(registered_addends))
         least = format.precision + 2
         self._width = least + 3 + self._magnitude if width is None else operator.index(width)
         if least > 59:
@@ -114,9 +124,15 @@ class CordicAtan2(CordicComponent):
         return self._magnitude
 
     @property
+    def registered_addends(self):
+        """True if there are registers between shifter, table and adders."""
+        return self._registered_addends
+
+    @property
     def latency(self):
         """Cycles from ``start`` to ``done``: load, normalise, prepare, step, align, round."""
-        return 4 + self._cycles + self._format.gradual * (2 if self._iterative else 1)
+        return (4 + self._cycles + self._format.gradual * (2 if self._iterative else 1)
+                + 2 * self._registered_addends)
 
     @property
     def error_bound(self):
@@ -275,8 +291,15 @@ class CordicAtan2(CordicComponent):
         # The adder of x in the first step also serves the alignment.
         aligning = Signal()
         ones = Mux(aligning, r.subtract, r.y[-1])
+        addend, enable = None, aligning | (r.index != self._last)
+        if self._registered_addends:
+            # x and z lack what the previous step adds to them.
+            addend = r.addend = Signal(width + 3, name="addend", reset_less=True)
+            r.turn = Signal(signed(width + 2), name="turn", reset_less=True)
+            m.d.sync += [r.addend.eq(self._addend(r, ones, enable=enable)),
+                         r.turn.eq(Cat(self._angle(r), C(0, 1)) ^ r.y[-1].replicate(width + 2))]
         grown = Signal(width + 3)
-        m.d.comb += grown.eq(self._grow(r, ones, enable=aligning | (r.index != self._last)))
+        m.d.comb += grown.eq(self._grow(r, ones, enable=enable) if addend is None else (r.x + addend)[:width + 3])
         stepped = r
         for step in range(self._steps_per_cycle):
             stepped = self._step(m, f"_{step}", stepped, grown=grown if step == 0 else None)
@@ -306,11 +329,23 @@ class CordicAtan2(CordicComponent):
                         m.next = following
             with m.State("PREPARE"):
                 m.d.sync += [*to(vars(prepared)), r.z.eq(0), cycle.eq(self._cycles - 1)]
+                if self._registered_addends:
+                    m.d.sync += [r.addend.eq(0), r.turn.eq(0)]
                 m.next = "ITERATE"
             with m.State("ITERATE"):
                 m.d.sync += [*to(vars(stepped)), cycle.eq(cycle - 1)]
                 with m.If(cycle == 0):
+                    if self._registered_addends:
+                        m.next = "TURN"
+                    else:
+                        m.d.sync += to(vars(begun))
+                        m.next = "ALIGN"
+            if self._registered_addends:
+                with m.State("TURN"):
                     m.d.sync += to(vars(begun))
+                    m.next = "SHIFT"
+                with m.State("SHIFT"):
+                    m.d.comb += aligning.eq(1)
                     m.next = "ALIGN"
             with m.State("ALIGN"):
                 m.d.comb += aligning.eq(1)
@@ -411,10 +446,19 @@ class CordicAtan2(CordicComponent):
         return prepared
 
     def _grow(self, s, ones, *, enable=None, known=0):
-        """x and y; y, or its ones' complement, is shifted right by two places for each index."""
+        """The sum of x and ``_addend``."""
+        return (s.x + self._addend(s, ones, enable=enable, known=known))[:self._width + 3]
+
+    def _addend(self, s, ones, *, enable=None, known=0):
+        """y, or its ones' complement, shifted right by two places for each index."""
         shifted = (s.y >> 2 * known) >> Cat(C(0, 1), s.index)
         addend = (shifted ^ ones.replicate(self._width + 3))[:self._width + 3]
-        return (s.x + (addend if enable is None else addend & enable.replicate(len(addend))))[:self._width + 3]
+        return addend if enable is None else addend & enable.replicate(len(addend))
+
+    def _angle(self, s, known=0):
+        """The row of the table that the index selects, relative to row ``known``."""
+        rows = [self._table[min(known + i, self._last)] for i in range(self._last + 1)]
+        return Array(C(row, self._width + 1) for row in rows)[s.index]
 
     def _step(self, m, name, s, *, known=None, grown=None):
         """One CORDIC step. The index is relative to row ``known``, which is static, or it is incremented.
@@ -426,7 +470,12 @@ class CordicAtan2(CordicComponent):
         negative = s.y[-1]
         # The carry of a subtraction enters at the low bit, which is zero in 2z and always in y.
         turn = ~negative
-        m.d.comb += y.eq((Cat(turn, s.y[1:]).as_signed() + (s.x ^ turn.replicate(len(y)))) << 1)
+        first, second = Cat(turn, s.y[1:]).as_signed(), s.x ^ turn.replicate(len(y))
+        if self._registered_addends:
+            # A row of full adders makes two numbers of three. The lowest carry is free for the second subtraction.
+            third = s.addend ^ turn.replicate(len(y))
+            first, second = first ^ second ^ third, Cat(turn, first & second | third & (first | second))
+        m.d.comb += y.eq((first + second) << 1)
         values = {**vars(s), "y": y}
 
         if known is None or known < last:
@@ -436,9 +485,10 @@ class CordicAtan2(CordicComponent):
                 m.d.comb += grown.eq(self._grow(s, negative, enable=s.index < last - base, known=base))
             values["x"] = grown
             z = Signal(width + self.iterations if known is None else width + 1 + known, name=f"z{name}")
-            rows = [self._table[min(base + i, last)] for i in range(last + 1)]
-            angle = Array(C(row, width + 1) for row in rows)[s.index]
-            m.d.comb += z.eq(Cat(negative, s.z) + (angle ^ negative.replicate(len(z))))
+            if self._registered_addends:
+                m.d.comb += z.eq(Cat(s.turn[-1], s.z) + s.turn)
+            else:
+                m.d.comb += z.eq(Cat(negative, s.z) + (self._angle(s, base) ^ negative.replicate(len(z))))
         else:
             # The table has only ones here, so z gets a binary digit.
             z = Signal(len(s.z) + 1, name=f"z{name}")

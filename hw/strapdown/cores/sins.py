@@ -22,10 +22,11 @@ ORDER = 3
 """Order of the attitude's polynomials: at 50 Hz and 400 deg/s their error is 1e-14 rad per update."""
 
 DOUBLE_POOL = Pool(format=BINARY64.with_subnormals(Subnormals.FLUSH),
-                   operators=(Adder(), Multiplier(), Divider(bits_per_cycle=2), Arctangent(), Selector()),
+                   operators=(Adder(latency=7), Multiplier(latency=4), Divider(bits_per_cycle=2), Arctangent(),
+                              Selector()),
                    operand_memory=MemoryStyle.BLOCK)
-"""Operators in binary64. The operands are in block RAM, because there are too many for LUTs. The adder limits the clock
-frequency, so two bits per cycle in the divider cost nothing."""
+"""Operators in binary64, with ranks for the clock frequency of the cores in binary32. The operands are in block RAM,
+because there are too many for LUTs."""
 
 
 class SinsConfig(Config):

@@ -9,7 +9,7 @@ from amaranth import *
 from . import exact
 from .pipeline import Pipeline, RoundedOperator, pick
 from .rounding import Rounding
-from .stages import SLICE, pack, partial_products, shift_right, unpack
+from .stages import NARROW, SLICE, pack, partial_products, placed_products, shift_right, unpack
 
 __all__ = ["FpAdd"]
 
@@ -131,7 +131,8 @@ class FpAdd(RoundedOperator):
         else:
             near = Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1)))
             moves = Cat(distance[0], distance[1:levels] | far.replicate(levels - 1))
-            fine = min(3, levels)
+            # Each level of wider numbers moves more bits, so there are fewer before the cut.
+            fine = min(3, levels, max(8 - levels, 1))
             aligned, sticky = shift_right(m, near, enumerate(moves[:fine]), "align")
             shift = {"aligned": aligned, "sticky": sticky, "moves": moves[fine:]}
         s = rank(
@@ -142,10 +143,9 @@ class FpAdd(RoundedOperator):
         if self._dsp_shifts:
             s = rank("product", **pick(s, classes, numbers, ("larger", "smaller_is_zero", "beyond")),
                      **partial_products(s.near, s.power))
-            # At most one partial product is not zero. Their OR takes no time: it is part of the adder.
+            # Partial products have no common ones. Their OR takes no time: it is part of the adder.
             product = Signal(fmt.precision + shifts - 1)
-            m.d.comb += product.eq(reduce(or_, (Cat(C(0, low), getattr(s, f"partial_{low}"))
-                                                for low in range(0, shifts, SLICE))))
+            m.d.comb += product.eq(reduce(or_, (Cat(C(0, place), value) for place, value in placed_products(s))))
             aligned, sticky = product[shifts - 3:], product[:shifts - 3].any() | s.beyond
         else:
             aligned, lost = shift_right(m, s.aligned, enumerate(s.moves, fine), "align")
@@ -162,33 +162,42 @@ class FpAdd(RoundedOperator):
         else:
             larger = Cat(C(0, 3), s.larger, C(0, 1))
             m.d.comb += total.eq(s.smaller + (larger ^ s.opposite.replicate(len(total))))
-        s = rank("sum", **pick(s, classes, numbers), total=total)
+        if self._dsp_shifts:
+            s = rank("sum", **pick(s, classes, numbers), total=total)
+            total = s.total
         magnitude = Signal.like(total)
-        m.d.comb += magnitude.eq(s.total ^ (s.opposite & s.total[-1]).replicate(len(total)))
-        lacks_unit = s.opposite & ~s.total[-1]
+        m.d.comb += magnitude.eq(total ^ (s.opposite & total[-1]).replicate(len(total)))
+        lacks_unit = s.opposite & ~total[-1]
+        del classes["opposite"]
+        if not self._dsp_shifts:
+            s = rank("sum", **pick(s, classes, numbers), magnitude=magnitude, lacks_unit=lacks_unit)
+            magnitude, lacks_unit = s.magnitude, s.lacks_unit
         # The top bit weighs twice the larger operand's hidden one.
         overflow = magnitude[-1] & (s.exponent == fmt.exponent_special - 1)
         classes = {**pick(s, classes), "overflow": overflow}
-        del classes["opposite"]
         if self._flags or not self._rounding.is_nearest:
             classes["lacks_unit"] = lacks_unit
 
         # Normalise. The lowest bit is the sticky bit, or a one that is a unit too small, so it is repeated
         # from the right. A subnormal keeps the weight of exponent 1: no shift by more than ``exponent``.
         room = s.exponent[levels:].any() if fmt.gradual else C(1)
-        magnitude, moved, room = _move_left(m, magnitude, levels - 1, s.exponent, room)
+        fine = levels - 1 if self._dsp_shifts else min(4, levels - 1)
+        shifted, moved, room = _move_left(m, magnitude, range(fine, levels), s.exponent, room)
+        found = {}
+        if fmt.precision > NARROW and not self._dsp_shifts:
+            # The first level after the cut finds its zeros before it, in parallel for all distances.
+            found = {"empty": Array(~magnitude[-(1 << fine - 1) - distance:][:1 << fine - 1].any() for distance in
+                                    range(0, 1 << levels, 1 << fine))[moved]}
         s = rank("coarse", **classes, sign=s.sign ^ lacks_unit, exponent=s.exponent, both_are_zero=s.both_are_zero,
-                 magnitude=magnitude, moved=moved, room=room)
+                 magnitude=shifted, moved=moved, room=room, **found)
         if self._dsp_shifts:
-            power, zeros, freed = _leading_one(s.magnitude, 1 << levels - 1)
+            power, zeros, freed = _leading_one(s.magnitude, 1 << fine)
             s = rank("power", **pick(s, classes, numbers), magnitude=s.magnitude, power=power,
                      zeros=Cat(zeros, s.moved), filled=Mux(s.magnitude[0], freed, 0))
             magnitude, zeros = _product(m, s.power, s.magnitude)[:len(total)] | s.filled, s.zeros
         else:
-            magnitude, room, zeros = s.magnitude, s.room, s.moved
-            for level in reversed(range(levels - 1)):
-                magnitude, moved, room = _move_left(m, magnitude, level, s.exponent, room)
-                zeros = Cat(moved, zeros)
+            magnitude, moved, _ = _move_left(m, s.magnitude, range(fine), s.exponent, s.room, **pick(s, found))
+            zeros = Cat(moved, s.moved)
         s = rank("normalise", **pick(s, classes, numbers), magnitude=magnitude, zeros=zeros)
 
         # Round, and compute the exponent in the same addition: it is 1 - zeros, and all its bits but the
@@ -232,19 +241,25 @@ class FpAdd(RoundedOperator):
         return m
 
 
-def _move_left(m, value, level, limit, room):
-    """``value`` shifted left by 2**level, its lowest bit repeated, if it has as many leading zeros.
+def _move_left(m, value, levels, limit, room, empty=None):
+    """``value`` shifted left by 2**level, its lowest bit repeated, at each of ``levels`` that has so many zeros on top.
 
-    The shift of all levels is at most ``limit``. ``room`` is true if the higher bits of ``limit``, minus the shifts
-    of higher levels, are not zero. Returns (shifted value, true if it was shifted, ``room`` for the next level).
+    The shift of all levels is at most ``limit``. ``room`` is true if the higher bits of ``limit``, minus the shifts of
+    higher levels, are not zero. ``empty`` is true if the highest of ``levels`` has its zeros; None: it looks for them.
+    Returns (shifted value, the levels that shifted, ``room`` for lower levels).
     """
-    step = 1 << level
-    here = limit[level] if level < len(limit) else C(0)
-    moves = Signal(name=f"normalise_moves_{step}")
-    shifted = Signal(len(value), name=f"normalise_by_{step}")
-    m.d.comb += [moves.eq(~value[-step:].any() & (room | here)),
-                 shifted.eq(Mux(moves, Cat(value[0].replicate(step), value[:-step]), value))]
-    return shifted, moves, room | (here & ~moves)
+    distance: list[Signal] = []
+    for level in reversed(levels):
+        step = 1 << level
+        here = limit[level] if level < len(limit) else C(0)
+        moves = Signal(name=f"normalise_moves_{step}")
+        shifted = Signal(len(value), name=f"normalise_by_{step}")
+        found, empty = ~value[-step:].any() if empty is None else empty, None
+        m.d.comb += [moves.eq(found & (room | here)),
+                     shifted.eq(Mux(moves, Cat(value[0].replicate(step), value[:-step]), value))]
+        distance.insert(0, moves)
+        value, room = shifted, room | (here & ~moves)
+    return value, Cat(distance), room
 
 
 def _leading_one(value, count):

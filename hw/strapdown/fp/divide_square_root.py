@@ -12,7 +12,7 @@ from strapdown.component import Described
 from . import exact
 from .pipeline import Ranks, pick
 from .rounding import Rounding, flags_member
-from .stages import FINE_LEVELS, align_subnormal, normalised, round_and_pack, unpack
+from .stages import FINE_LEVELS, NARROW, align_subnormal, normalised, round_and_pack, unpack
 
 __all__ = ["FpDivide", "FpSquareRoot", "FpDivideSquareRoot"]
 
@@ -44,7 +44,7 @@ class DigitRecurrence(Described):
     # The registers that a step changes.
     _stepped: tuple[str, ...] = ("remainder", "divisor", "place", "quotient")
 
-    def __init__(self, format, operands, *, bits_per_cycle, iterative, rounding, flags):
+    def __init__(self, format, operands, *, bits_per_cycle, iterative, rounding, flags, looks_ahead=False):
         self._format = format
         self._rounding = Rounding(rounding)
         self._flags = bool(flags)
@@ -52,6 +52,7 @@ class DigitRecurrence(Described):
         if not 1 <= self._bits_per_cycle <= self._least_bits:
             raise ValueError(f"bits_per_cycle must be from 1 to {self._least_bits}, not {bits_per_cycle!r}")
         self._iterative = bool(iterative)
+        self._looks_ahead = format.precision > NARROW if looks_ahead is None else bool(looks_ahead)
         super().__init__({**{name: In(shape) for name, shape in operands.items()}, "start": In(1),
                           "result": Out(format.layout), "done": Out(1),
                           **{name: Out(shape) for name, shape in flags_member(flags).items()}})
@@ -75,6 +76,11 @@ class DigitRecurrence(Described):
     def iterative(self):
         """True if one set of registers serves all cycles of an operation, in place of a pipeline."""
         return self._iterative
+
+    @property
+    def looks_ahead(self):
+        """True if every other bit of a cycle does not wait for the one before it."""
+        return self._looks_ahead
 
     @property
     def latency(self):
@@ -207,12 +213,15 @@ class DigitRecurrence(Described):
         # and its borrow corrects the difference of the exponents.
         exponent = Signal(signed(max(fmt.exponent_width, fmt.fraction_width.bit_length()) + 2))
         biased, taken_off = Signal.like(exponent), Signal.like(exponent)
+        subtrahend = Cat(o.b_significand[:-1], taken_off)
+        # One exponent serves both, unless the choice before the subtraction would make the longest path longer.
+        root_exponent = biased if self._looks_ahead else exponent
         difference = Signal(fmt.fraction_width + len(exponent))
         m.d.comb += [
             biased.eq(o.a_exponent + fmt.bias),
             taken_off.eq(o.b_exponent),
             difference.eq(Cat(o.a_significand[:-1], biased)
-                          - Mux(square_root, 0, Cat(o.b_significand[:-1], taken_off))),
+                          - (subtrahend if self._looks_ahead else Mux(square_root, 0, subtrahend))),
             exponent.eq(difference[fmt.fraction_width:]),
         ]
         less = exponent[0] ^ biased[0] ^ taken_off[0]
@@ -230,7 +239,7 @@ class DigitRecurrence(Described):
         return SimpleNamespace(
             **pick(o, self._raised), square_root=square_root,
             remainder=remainder, divisor=divisor, place=place,
-            exponent=Mux(square_root, exponent >> 1, exponent), **pick(o, CLASSES))
+            exponent=Mux(square_root, root_exponent >> 1, exponent), **pick(o, CLASSES))
 
     def _step(self, m, s, low=0):
         """The state after one more bit; ``low`` bits of T are known to be zero."""
@@ -259,9 +268,39 @@ class DigitRecurrence(Described):
         """The states after each step of one cycle; ``first`` is the number of its first step, if known."""
         states = [s]
         for index in range(self._bits_per_cycle):
-            low = 0 if first is None else self._low_zeros(first + index)
-            states.append(self._step(m, states[-1], low))
+            if index % 2 and self._looks_ahead:
+                states.append(self._step_ahead(m, *states[-2:]))
+            else:
+                low = 0 if first is None else self._low_zeros(first + index)
+                states.append(self._step(m, states[-1], low))
         return states[1:]
+
+    def _step_ahead(self, m, s, t):
+        """The state after two more bits; ``t`` is the state after one of them.
+
+        With A = 2R and H, whose sum is the remainder of ``t``, the next one is 2A + 2H - T or 2A + 2H + T + U. A row of
+        full adders makes two numbers of these three, so one carry chain is enough. The remainder of ``t`` selects.
+        """
+        subtracted, added = self._addends(s)
+        doubled = (Cat(C(0, 1), ~s.remainder[-1], s.remainder), Cat(C(0, 1), Mux(s.remainder[-1], added, subtracted)))
+        totals = []
+        for name, one, addend in zip(("ahead_subtracted", "ahead_added"), (1, 0), self._addends(t), strict=True):
+            x, y, z = (value[:len(t.remainder)] for value in (*doubled, addend))
+            total = Signal.like(t.remainder, name=name)
+            m.d.comb += total.eq((x ^ y ^ z) + Cat(C(one, 1), x & y | z & (x | y)))
+            totals.append(total)
+        negative = t.remainder[-1]
+        remainder, divisor, place = Signal.like(t.remainder), Signal.like(t.divisor), Signal.like(t.place)
+        m.d.comb += [remainder.eq(Mux(negative, totals[1], totals[0])),
+                     divisor.eq(t.divisor | Mux(negative, 0, t.place << 2)), place.eq(t.place >> 1)]
+        return SimpleNamespace(**{**vars(t), "remainder": remainder, "divisor": divisor, "place": place,
+                                  "quotient": Cat(~remainder[-1], t.quotient)})
+
+    @staticmethod
+    def _addends(s):
+        """-T - 1 and T + U, of the width of R."""
+        known = s.divisor | s.place
+        return Cat(~(known | (s.place << 2)[:len(known)]), C(1, 1)), Cat(known | s.place << 1, C(0, 1))
 
     def _low_zeros(self, step):
         """Number of low bits of T that are zero in a step for all operands; 0 if omitting them saves no logic."""
@@ -318,6 +357,9 @@ class FpDivide(DigitRecurrence):
         Result bits per cycle, 1 to the format's precision plus one.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
+    looks_ahead : bool or None
+        True: every other bit of a cycle does not wait for the one before it, for a higher clock frequency. It takes two
+        more adders for each pair of bits. None means True for formats longer than binary32.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -346,9 +388,10 @@ class FpDivide(DigitRecurrence):
 
     _select = C(0)
 
-    def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
+    def __init__(self, format, *, bits_per_cycle=2, iterative=False, looks_ahead=None,
+                 rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout, "b": format.layout}, bits_per_cycle=bits_per_cycle,
-                         iterative=iterative, rounding=rounding, flags=flags)
+                         iterative=iterative, looks_ahead=looks_ahead, rounding=rounding, flags=flags)
 
     @property
     def _divisor(self):
@@ -374,6 +417,9 @@ class FpSquareRoot(DigitRecurrence):
         Result bits per cycle, 1 to the format's precision plus one.
     iterative : bool
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
+    looks_ahead : bool or None
+        True: every other bit of a cycle does not wait for the one before it, for a higher clock frequency. It takes two
+        more adders for each pair of bits. None means True for formats longer than binary32.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -406,9 +452,10 @@ class FpSquareRoot(DigitRecurrence):
         # T ends with the place of the bit.
         return self._bits - 1 - step
 
-    def __init__(self, format, *, bits_per_cycle=2, iterative=False, rounding=Rounding.NEAREST_EVEN, flags=False):
+    def __init__(self, format, *, bits_per_cycle=2, iterative=False, looks_ahead=None,
+                 rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout}, bits_per_cycle=bits_per_cycle, iterative=iterative,
-                         rounding=rounding, flags=flags)
+                         looks_ahead=looks_ahead, rounding=rounding, flags=flags)
 
     @property
     def _divisor(self):
@@ -432,6 +479,9 @@ class FpDivideSquareRoot(DigitRecurrence):
         Format of operands and result.
     bits_per_cycle : int
         Result bits per cycle, 1 to the format's precision plus one.
+    looks_ahead : bool or None
+        True: every other bit of a cycle does not wait for the one before it, for a higher clock frequency. It takes two
+        more adders for each pair of bits. None means True for formats longer than binary32.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -455,9 +505,10 @@ class FpDivideSquareRoot(DigitRecurrence):
     Source: IEEE 754-2019, 5.4.1, operations *division* and *squareRoot*.
     """
 
-    def __init__(self, format, *, bits_per_cycle=2, rounding=Rounding.NEAREST_EVEN, flags=False):
+    def __init__(self, format, *, bits_per_cycle=2, looks_ahead=None, rounding=Rounding.NEAREST_EVEN, flags=False):
         super().__init__(format, {"a": format.layout, "b": format.layout, "square_root": 1},
-                         bits_per_cycle=bits_per_cycle, iterative=True, rounding=rounding, flags=flags)
+                         bits_per_cycle=bits_per_cycle, iterative=True, looks_ahead=looks_ahead, rounding=rounding,
+                         flags=flags)
 
     @property
     def _select(self):

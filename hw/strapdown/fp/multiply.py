@@ -55,7 +55,7 @@ class FpMultiply(RoundedOperator):
     # Ranks at "unpack", "partial" and "product" use the registers inside DSP blocks. A rank between the
     # products of the slices and their sum is best for an ECP5, which has smaller blocks.
     PIPELINE = Pipeline(cuts=("unpack", "partial", "product", "normalise", "round", "result"),
-                        priority=("result", "partial", "product", "normalise", "unpack", "round"), default_latency=2)
+                        priority=("result", "partial", "product", "normalise", "unpack", "round"), default_latency=3)
     # Subnormal operands are normalised before the product, subnormal results aligned after it.
     GRADUAL_PIPELINE = Pipeline(
         cuts=("coarse", "unpack", "partial", "product", "normalise", "align", "round", "result"),

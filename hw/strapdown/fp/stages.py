@@ -1,5 +1,6 @@
 """Stages shared by the operators: unpacking, shifting with a sticky bit, normalising, rounding, packing."""
 
+from operator import itemgetter
 from types import SimpleNamespace
 
 from amaranth import *
@@ -8,10 +9,16 @@ from .rounding import Rounding
 
 __all__ = ["unpack", "shift_right_sticky", "shift_right", "normalise", "normalised", "leading_zeros",
            "round_significand", "pack", "align_subnormal", "round_and_pack", "partial_products",
-           "sum_of_partial_products"]
+           "placed_products", "sum_of_partial_products"]
 
 SLICE = 17
-"""Bits of an operand for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits."""
+"""Bits of a multiplier for one DSP block: a DSP48E1 multiplies 25 x 18 signed bits."""
+
+WIDE_SLICE = 18
+"""Bits of both factors for one DSP block, if the factors are wide: an ECP5 multiplies 18 x 18 unsigned bits."""
+
+NARROW = 24
+"""Bits of the longest significand that is not wide. Operators on wide ones take more logic, for shorter paths."""
 
 FINE_LEVELS = 3
 """Levels of a shifter (by 1, 2 and 4) after the cut inside it."""
@@ -207,11 +214,33 @@ def round_and_pack(m, fmt, number, rounding=Rounding.NEAREST_EVEN):
 
 
 def partial_products(multiplicand, multiplier, name="partial"):
-    """The products of a multiplicand and the slices of a multiplier, by names for ``sum_of_partial_products``."""
-    return {f"{name}_{low}": multiplicand * multiplier[low:low + SLICE] for low in range(0, len(multiplier), SLICE)}
+    """The products of the slices of two factors, by names for ``sum_of_partial_products``.
+
+    A name ends with the places of the slice of the multiplier and, if it is not 0, of that of the multiplicand.
+    """
+    size, step = (len(multiplicand), SLICE) if len(multiplicand) <= NARROW else (WIDE_SLICE, WIDE_SLICE)
+    return {f"{name}_{low}{f'_{first}' if first else ''}": multiplicand[first:first + size] * multiplier[low:low + step]
+            for low in range(0, len(multiplier), step) for first in range(0, len(multiplicand), size)}
+
+
+def placed_products(values, name="partial"):
+    """The ``partial_products`` of this name that a namespace has, each with the place of its lowest bit."""
+    return [(sum(map(int, member.removeprefix(f"{name}_").split("_"))), value)
+            for member, value in vars(values).items() if member.startswith(f"{name}_")]
 
 
 def sum_of_partial_products(values, name="partial"):
-    """The product of which a namespace has the ``partial_products`` of this name."""
-    return sum(value << int(member.removeprefix(f"{name}_"))
-               for member, value in vars(values).items() if member.startswith(f"{name}_"))
+    """The product of which a namespace has the ``partial_products`` of this name: their sum, by a tree."""
+    # Products that do not overlap share an addend: its place, and its parts from the lowest on.
+    addends: list[tuple[int, list[Value]]] = []
+    for place, product in sorted(placed_products(values, name), key=itemgetter(0)):
+        for start, parts in addends:
+            if (gap := place - start - len(Cat(parts))) >= 0:
+                parts.extend((C(0, gap), product))
+                break
+        else:
+            addends.append((place, [product]))
+    terms = [Cat(parts) << start for start, parts in addends]
+    while len(terms) > 1:
+        terms = [sum(terms[index:index + 2]) for index in range(0, len(terms), 2)]
+    return terms[0]

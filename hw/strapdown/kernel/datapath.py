@@ -6,7 +6,7 @@ from amaranth.lib.memory import Memory
 from .operators import integer_bits
 from .pool import MemoryStyle
 
-__all__ = ["captured_inputs", "choose", "constants", "memory", "operand_registers", "operators"]
+__all__ = ["captured_inputs", "choose", "constants", "memory", "operand_registers", "operators", "read_constants"]
 
 
 def memory(program, depth, style):
@@ -19,12 +19,32 @@ def constants(m, program, style):
 
     It consists of LUTs, one per bit for up to 32 constants. More constants are in block RAM if the operands are.
     """
-    in_block = style is MemoryStyle.BLOCK and len(program.constants) > 32
+    in_block = _constants_in_block(program, style)
     m.submodules.constants = rom = Memory(
         shape=program.format.width, depth=len(program.constants),
         attrs=style.attributes("rom_style") if in_block else {},
         init=program.constant_words)
     return rom
+
+
+def _constants_in_block(program, style):
+    return style is MemoryStyle.BLOCK and len(program.constants) > 32
+
+
+def read_constants(m, program, style, address, next_address):
+    """The constant that ``address`` selects, one cycle after it.
+
+    The contents of block RAM come out late in a cycle. It is read with ``next_address``, which is one cycle ahead of
+    ``address``, and a register follows.
+    """
+    read = constants(m, program, style).read_port()
+    if not _constants_in_block(program, style):
+        m.d.comb += read.addr.eq(address)
+        return read.data
+    constant = Signal(program.format.width, name="constant", reset_less=True)
+    m.d.comb += read.addr.eq(next_address)
+    m.d.sync += constant.eq(read.data)
+    return constant
 
 
 def captured_inputs(m, component, program, taken):

@@ -8,7 +8,7 @@ from amaranth import *
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from .datapath import captured_inputs, choose, constants, memory, operand_registers, operators
+from .datapath import captured_inputs, choose, memory, operand_registers, operators, read_constants
 from .description import Port, Section, SystemComponent, program_facts, program_sections, status_ports
 from .list_scheduler import list_schedule
 from .machine import UpdateMachine
@@ -244,9 +244,9 @@ class Engine(SystemComponent):
 
         # One result per cycle goes over the bus, to the memory and to the operands that wait for it.
         if program.horizontal:
-            self._meet(m, word, components, captured, bus)
+            self._meet(m, control, word, components, captured, bus)
         else:
-            self._select(m, word, results, captured, bus)
+            self._select(m, control, word, results, captured, bus)
         write = operands.write_port()
         m.d.comb += [write.addr.eq(word.write.address), write.data.eq(bus), write.en.eq(word.write.enable)]
         writes = [(word.write.enable, bus)]
@@ -262,24 +262,24 @@ class Engine(SystemComponent):
                 self._conditions(m, word, bus, write, components[unit.name])
         return writes
 
-    def _select(self, m, word, results, captured, bus):
+    def _select(self, m, control, word, results, captured, bus):
         """The bus takes the result that the word selects."""
         program = self._program
         results |= captured
         results["other"] = other = Signal(program.format.layout, name="other", reset_less=True)
         m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
         if program.constants:
-            results["constant"] = self._constants(m, word.other)
+            results["constant"] = self._constants(m, word.other, control.next_word.other)
         choose(m, bus, word.write.source, [results[name] for name in program.sources["main"]])
 
-    def _meet(self, m, word, components, captured, bus):
+    def _meet(self, m, control, word, components, captured, bus):
         """The bus is the OR of all results: each is zero but in its cycle.
 
         A result that is not quiet is registered where it is done. Inputs and constants are registered twice, and so the
         bus is the OR of few registers.
         """
         program, width = self._program, self._program.format.width
-        driving = [self._constants(m, word.constant)]
+        driving = [self._constants(m, word.constant, control.next_word.constant)]
         for port, value in captured.items():
             gated = Signal(width, name=f"{port}_gated", reset_less=True)
             m.d.sync += gated.eq(Mux(word.mute[port], 0, value))
@@ -296,12 +296,10 @@ class Engine(SystemComponent):
             met.append(result)
         m.d.comb += bus.eq(reduce(or_, met))
 
-    def _constants(self, m, number):
+    def _constants(self, m, number, next_number):
         """The constant with a number, a cycle later."""
         program = self._program
-        read = constants(m, program, program.schedule.pool.operand_memory).read_port()
-        m.d.comb += read.addr.eq(number)
-        return read.data
+        return read_constants(m, program, program.schedule.pool.operand_memory, number, next_number)
 
     def _conditions(self, m, word, bus, write, chooser):
         """The condition of a choice: the sign of a value, stored under the value's address."""

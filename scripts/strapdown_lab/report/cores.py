@@ -24,11 +24,8 @@ class CoreEntry:
     placed: bool = True
 
 
-# In binary64 a core takes a quarter of an hour to route, and has no target frequency.
-UNPLACED = {"sins", "sins_damped"}
-
-CORES = tuple(CoreEntry(main_module(config), config, partial(make_module, main_module(config), config),
-                        placed=config.name not in UNPLACED) for config in CONFIGS.values())
+CORES = tuple(CoreEntry(main_module(config), config, partial(make_module, main_module(config), config))
+              for config in CONFIGS.values())
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ BUDGETS = {
     "thesis_x8": {"cycles": 91, "lut": 2300, "dsp": 12, "bram": 7},
     "flight": {"cycles": 450, "lut": 3800, "dsp": 6},
     "quaternion_j2": {"cycles": 70, "lut": 1500},
-    "sins": {"lut": 6000},
+    "sins": {"cycles": 670, "lut": 6000},
     "optical_tcd1304": {"lut": 3500, "dsp": 5, "bram": 2},
     "optical_s11639": {"lut": 3500, "dsp": 5, "bram": 2},
     "optical_erected": {"lut": 3500, "dsp": 5, "bram": 2},
