@@ -3,6 +3,8 @@
 from amaranth import *
 from amaranth.lib.memory import Memory
 
+from strapdown.fp.stages import NARROW
+
 from .operators import integer_bits
 from .pool import MemoryStyle
 
@@ -34,11 +36,11 @@ def _constants_in_block(program, style):
 def read_constants(m, program, style, address, next_address):
     """The constant that ``address`` selects, one cycle after it.
 
-    The contents of block RAM come out late in a cycle. It is read with ``next_address``, which is one cycle ahead of
-    ``address``, and a register follows.
+    The contents of block RAM come out late in a cycle. For wide numbers it is read with ``next_address``, which is one
+    cycle ahead of ``address``, and a register follows.
     """
     read = constants(m, program, style).read_port()
-    if not _constants_in_block(program, style):
+    if not _constants_in_block(program, style) or program.format.precision <= NARROW:
         m.d.comb += read.addr.eq(address)
         return read.data
     constant = Signal(program.format.width, name="constant", reset_less=True)

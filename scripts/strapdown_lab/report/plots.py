@@ -30,7 +30,9 @@ def core_plot(path, report):
     software = [anchor for anchor in CORE_ANCHORS if anchor.lut is None]
     public = [(anchor, anchor.microseconds, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
     labels = [((time, lut), f"{anchor.design}\n{anchor.dsp} DSP", {"color": INK}) for anchor, time, lut in public]
-    for names, row in _merged([row for row in report["cores"] if "ecp5" in row]):
+    # The public cores compute in at most binary32, so navigators in binary64 are not drawn beside them.
+    drawn = [row for row in report["cores"] if "ecp5" in row and row["module"] != "SINS_top"]
+    for names, row in _merged(drawn):
         labels.append(((microseconds(row), row["xc7"]["lut"]), f"{', '.join(names)}\n{row['xc7']['dsp']} DSP",
                        {"color": OURS, "fontweight": "bold"}))
     for anchor, time, lut in public:
