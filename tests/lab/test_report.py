@@ -174,7 +174,8 @@ def test_cycles_are_counted_in_a_simulation(models, tmp_path, make_core):
 def test_unknown_operator_is_a_user_error():
     result = CliRunner().invoke(main, ["report", "--only", "addition"])
     assert result.exit_code == 2
-    assert result.stderr.startswith("strapdown: no operator is called 'addition': choose from add, add in binary64, multiply, ")
+    assert result.stderr.startswith(
+        "strapdown: no operator is called 'addition': choose from add, add in binary64, multiply, ")
 
 
 def test_missing_tools_are_a_user_error(monkeypatch, tmp_path):
