@@ -11,8 +11,8 @@ from .trace import Graph, Node, Operand
 
 __all__ = ["BUSES", "Machine", "Problem", "Read", "Resource", "StreamMachine", "UpdateMachine", "kept", "reads"]
 
-BUSES = {"main": "result bus", "side": "side bus"}
-"""Names of the buses in reports."""
+BUSES = {"main": "result bus", "side": "side bus", "side2": "side bus 2", "side3": "side bus 3"}
+"""Names of the buses in reports: the main bus, and the side buses that a machine can have."""
 
 
 class Read(NamedTuple):
@@ -63,6 +63,15 @@ class Machine(ABC):
 
     def __init__(self, pool: Pool):
         self.pool = pool
+
+    @property
+    def side_buses(self) -> tuple[str, ...]:
+        """Names of the result buses beside the main bus."""
+        return tuple(BUSES)[1:1 + self.pool.side_buses] if self.pool.side_memory else ()
+
+    def links(self, unit) -> tuple[str, ...]:
+        """Buses that can take the results of a unit, the preferred one first."""
+        return ("main", *self.side_buses)
 
     @cached_property
     def unit(self):
@@ -126,6 +135,8 @@ class UpdateMachine(Machine):
 
     def __init__(self, pool):
         super().__init__(pool.settled(channels=1))
+        if self.pool.side_buses > 1:
+            raise ValueError(f"side_buses must be 1 for one channel, not {self.pool.side_buses}")
         if self.pool.side_memory and MemoryStyle.BLOCK in (self.pool.operand_memory, self.pool.side_memory):
             raise ValueError("operand_memory and side_memory must be auto or distributed for one channel with a side "
                              "memory")
@@ -179,10 +190,13 @@ class UpdateMachine(Machine):
 class StreamMachine(Machine):
     """The rules of StreamEngine: an update begins every ``interval`` cycles, and several are in flight.
 
-    Every result goes over a bus to the memory of that bus. With a side memory the engine has two buses. State words
-    need no steps, because they are read from memory. Inputs are registered for one interval. An operand's address is
-    needed one cycle before the operand. Conditions are kept in separate registers. If the pool has private ports, each
-    pipelined unit has its own pair of read ports; all others share the first pair.
+    Every result goes over a bus to the memory of that bus. State words go over the main bus. They need no steps to be
+    read, because they are in its memory. Inputs are registered for one interval. An operand's address is needed one
+    cycle before the operand. Conditions are kept in separate registers. If the pool has private ports, each adder and
+    each multiplier has its own pair of read ports, and all other units share the first pair of the kind that has more
+    units. With side memories, the units of each pair but the first have a side bus, in turn, for results that are not
+    state words. The adder or multiplier of the first pair prefers the main bus to that of the second pair. The results
+    of all other units go over the main bus, and inputs over the last side bus.
 
     Raises: ValueError for a pool that forwards results.
     """
@@ -216,21 +230,33 @@ class StreamMachine(Machine):
         return 1 + units[0].latency if units else 0
 
     def port(self, unit):
-        return unit.read_port if unit.direct else 0
+        return unit.read_port if unit.direct else self._shared_port
+
+    @cached_property
+    def _shared_port(self):
+        """The pair of read ports of all units that have none of their own."""
+        pairs: dict[str, list[int]] = {}
+        for unit in self.pool.units:
+            if unit.direct:
+                pairs.setdefault(unit.kind, []).append(unit.read_port)
+        return max(pairs.values(), key=len, default=[0])[0]
+
+    def links(self, unit):
+        if not unit.direct or not self.side_buses:
+            return ("main",)
+        port = self.port(unit)
+        own = self.side_buses[(max(port, 1) - 1) % len(self.side_buses)]
+        return (own, "main") if port else ("main", own)
 
     def buses(self, graph):
         own = set(graph.next_state.values())
-        return {node: ("main",) if node in own or not self.pool.side_memory else self._preferred(node)
-                for node in graph.nodes}
+        return {node: ("main",) if node in own else self._preferred(node) for node in graph.nodes}
 
     def _preferred(self, node):
-        """Buses of a value that is not a state word: inputs and the results of most read ports prefer the side bus."""
-        units = self.units(node)
+        """Buses of a value that is not a state word."""
         if not node.computed:
-            return ("side",)
-        if not all(unit.direct for unit in units):
-            return ("main",)
-        return ("side", "main") if self.port(units[0]) else ("main", "side")
+            return self.side_buses[-1:] or ("main",)
+        return tuple(dict.fromkeys(bus for unit in self.units(node) for bus in self.links(unit)))
 
     def on_bus(self, graph):
         return {node for node in graph.nodes if self.needs_step(node)}
@@ -333,7 +359,7 @@ class Problem:
         names = dict.fromkeys(bus for node in self.nodes for bus in self.buses[node])
         results = {BUSES[bus]: Resource([node for node in written if self.buses[node] == (bus,)]) for bus in names}
         if len(names) > 1:
-            results["pair of buses"] = Resource(written, instances=len(names))
+            results[f"{len(names)} buses"] = Resource(written, instances=len(names))
         return issues, {name: resource for name, resource in results.items() if resource.nodes}
 
     def intervals(self):
@@ -343,7 +369,8 @@ class Problem:
         """
         issues, results = self.resources
         bounds = {name: -(-len(nodes) // instances) * cycles for name, (nodes, cycles, instances) in issues.items()}
-        return bounds | {name: -(-(len(nodes) + (name != BUSES["side"])) // instances)
+        aside = {BUSES[bus] for bus in self.machine.side_buses}
+        return bounds | {name: -(-(len(nodes) + (name not in aside)) // instances)
                          for name, (nodes, _, instances) in results.items()}
 
     def lengths(self):

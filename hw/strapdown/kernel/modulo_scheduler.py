@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Hashable
 from heapq import heapify, heappop, heappush
 
-from .machine import Machine, Problem
+from .machine import BUSES, Machine, Problem
 from .pool import Unit
 from .schedule import Schedule, Step
 from .trace import Graph, Node
@@ -96,10 +96,10 @@ def _schedules(problem, interval, *, thorough):
 
 
 def _cost(schedule):
-    """Stages, and cycles for which values are kept in the side memory and in the main memory."""
-    kept = {bus: sum(schedule.last_read[node] - write for node, write in schedule.written.items()
-                     if node in schedule.last_read and schedule.bus[node] == bus) for bus in ("side", "main")}
-    return schedule.stages, kept["side"], kept["main"]
+    """Stages, and cycles for which values are kept in the side memories and in the main memory."""
+    kept = {aside: sum(schedule.last_read[node] - write for node, write in schedule.written.items()
+                       if node in schedule.last_read and (node in schedule.aside) == aside) for aside in (True, False)}
+    return schedule.stages, kept[True], kept[False]
 
 
 ATTEMPTS, WORK = (16, 4), 10_000
@@ -112,8 +112,8 @@ PATIENCE = 3000, 6000
 ROUNDS = 3
 """Number of passes that move steps to cycles in which fewer values have to be kept."""
 
-COST = {"main": 1, "side": 3}
-"""Cost of a value per cycle that the memory of a bus keeps it: the side memory is small."""
+COST = {bus: 1 if bus == "main" else 3 for bus in BUSES}
+"""Cost of a value per cycle that the memory of a bus keeps it: side memories are small."""
 
 DEPTH = 2
 """Greatest number of nodes that may have to move for one node."""
@@ -267,7 +267,9 @@ class _Attempt:
 
     def _ways(self, node):
         """Buses and units that a node can take, in order of preference."""
-        return [(bus, unit) for bus in self.problem.buses[node] for unit in self.problem.units[node] or [None]]
+        machine = self.problem.machine
+        return [(bus, unit) for bus in self.problem.buses[node] for unit in self.problem.units[node] or [None]
+                if unit is None or bus in machine.links(unit)]
 
     def _free(self, node, bus, unit):
         """Cycles of the interval in which port and bus are free for a node, one bit per cycle."""

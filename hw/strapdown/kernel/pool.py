@@ -92,8 +92,8 @@ SUITED: dict[str, tuple[Any, Any]] = {
 SELDOM = {"horizontal": False, "adder_dsp_shifts": False}
 """Maps parameters of a Pool that few configurations set to their defaults: a configuration lists other values only."""
 
-RESERVED = {"input", "other", "bus", "memory", "side", "main", "operands", "signs", "microcode", "main_memory",
-            "side_memory", "bank", "fresh", "banks", "freshness"}
+RESERVED = {"input", "other", "bus", "memory", "side", "side2", "side3", "main", "operands", "signs", "microcode",
+            "main_memory", "side_memory", "side2_memory", "side3_memory", "bank", "fresh", "banks", "freshness"}
 """Names beside those of units in the engines: sources of operands and results, buses, memories and state."""
 
 
@@ -125,6 +125,8 @@ class Pool:
     side_memory : MemoryStyle, bool or None
         The kind of the memory of a second result bus, for results of adders and multipliers; False for one bus. True:
         auto. None: False for one channel, auto for several.
+    side_buses : int
+        Number of result buses with a side memory, 1 to 3; 1 for one channel. Without a side memory there is none.
 
     A memory style may also be given as its value, "auto", "distributed" or "block".
 
@@ -141,6 +143,7 @@ class Pool:
     microcode: MemoryStyle = MemoryStyle.BLOCK
     horizontal: bool = False
     side_memory: MemoryStyle | bool | None = None
+    side_buses: int = 1
 
     def __post_init__(self):
         self._check_types()
@@ -167,6 +170,10 @@ class Pool:
             value = getattr(self, name)
             if not isinstance(value, bool) and not (value is None and name in SUITED):
                 raise TypeError(f"{name} must be True or False, not {value!r}")
+        if type(self.side_buses) is not int:
+            raise TypeError(f"side_buses must be a whole number, not {self.side_buses!r}")
+        if self.side_buses not in (1, 2, 3):
+            raise ValueError(f"side_buses must be from 1 to 3, not {self.side_buses!r}")
         if self.side_memory is True:
             object.__setattr__(self, "side_memory", MemoryStyle.AUTO)
         for name, kinds in ("operand_memory", STYLES), ("microcode", STYLES), ("side_memory", f"False, {STYLES}"):

@@ -69,7 +69,8 @@ class Program(ABC):
         """Maps each bus to its sources: names of units, and one name for results that are registered on the way."""
         seen = {(step.bus, self.source(step)) for step in self.schedule.steps if self.schedule.on_bus(step)}
         names = dict.fromkeys([*(unit.name for unit in self.units), *sorted(name for _, name in seen)])
-        return {bus: tuple(name for name in names if (bus, name) in seen) for bus in ("main", "side")}
+        return {bus: tuple(name for name in names if (bus, name) in seen)
+                for bus in ("main", *self.schedule.machine.side_buses)}
 
     # The memories.
 
@@ -104,10 +105,13 @@ class Program(ABC):
         """Words of the main memory, a power of two."""
 
     @cached_property
-    def side_depth(self):
-        """Words of the side memory: a power of two, or 0 if there is none."""
-        used = max((self.addresses[node] + self._copies(node) for node in self.schedule.aside), default=0)
-        return 1 << (used - 1).bit_length() if used else 0
+    def side_depths(self) -> dict[str, int]:
+        """Maps each side bus that is used to the words of its memory, a power of two."""
+        used: dict[str, int] = {}
+        for node in self.schedule.aside:
+            bus = self.schedule.bus[node]
+            used[bus] = max(used.get(bus, 0), self.addresses[node] + self._copies(node))
+        return {bus: 1 << (used[bus] - 1).bit_length() for bus in self.schedule.machine.side_buses if bus in used}
 
     def _lifetime(self, node):
         """First cycle in which a value needs its address, and the number of cycles."""
@@ -251,6 +255,11 @@ class UpdateProgram(Program):
 
     def source(self, step):
         return step.unit if step.unit in self.schedule.direct or step.unit == "constant" else "other"
+
+    @cached_property
+    def side_depth(self):
+        """Words of the side memory: a power of two, or 0 if there is none."""
+        return self.side_depths.get("side", 0)
 
     @cached_property
     def other_sources(self):
@@ -491,9 +500,8 @@ class StreamProgram(Program):
             except ValueError:
                 bits += 1
 
-    @cached_property
-    def _side(self):
-        nodes = self._longest_first(node for node, bus in self.schedule.bus.items() if bus == "side")
+    def _side(self, bus):
+        nodes = self._longest_first(node for node in self.schedule.aside if self.schedule.bus[node] == bus)
         return self._allocated(nodes, range(2 * sum(map(self._copies, nodes))))
 
     def _longest_first(self, nodes):
@@ -510,7 +518,10 @@ class StreamProgram(Program):
 
     @cached_property
     def addresses(self):
-        return {**self._main[1], **self._side}
+        addresses = dict(self._main[1])
+        for bus in self.schedule.machine.side_buses:
+            addresses |= self._side(bus)
+        return addresses
 
     def place(self, node):
         if not node.computed:
@@ -550,7 +561,8 @@ class StreamProgram(Program):
     @property
     def _operand_layout(self):
         return data.StructLayout({"address": exact_log2(self.depth), "kind": self._kind,
-                                  **({"side": 1} if self.side_depth else {}), "negate": 1})
+                                  **({"side": bits_for(len(self.side_depths))} if self.side_depths else {}),
+                                  "negate": 1})
 
     @property
     def _other_fields(self):
@@ -568,7 +580,7 @@ class StreamProgram(Program):
     @property
     def depths(self):
         """Maps each bus to the number of words of its memory."""
-        return {"main": self.depth, **({"side": self.side_depth} if self.side_depth else {})}
+        return {"main": self.depth, **self.side_depths}
 
     def _stage(self, cycle):
         return cycle // self.length
@@ -600,7 +612,7 @@ class StreamProgram(Program):
             put(step.issue, input=self.graph.inputs.index(step.node.label))
 
     def _route(self, step, read):
-        return {"side": int(read.node in self.schedule.aside)} if self.side_depth else {}
+        return {"side": [*self.depths].index(self.schedule.bus.get(read.node, "main"))} if self.side_depths else {}
 
     def _fetch(self, step, read):
         return self._place(read.node, self._fetching(step), NEXT if read.node in self._own else STATE)

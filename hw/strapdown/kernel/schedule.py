@@ -17,7 +17,7 @@ class Step:
     ``unit`` is the unit that computes the node; "input" for an input port; "constant" for a constant, and for a state
     word, which is restored to its reset value. In cycle ``issue`` the operands are fetched, from memory or directly
     from a unit whose result comes out in the same cycle. ``write`` is the cycle in which the result can be on the bus
-    named ``bus``, "main" or "side". ``stored`` is true if the memory of that bus stores the result.
+    named ``bus``, "main" or a side bus. ``stored`` is true if the memory of that bus stores the result.
     """
 
     node: Node
@@ -128,8 +128,8 @@ class Schedule:
 
     @cached_property
     def aside(self):
-        """Nodes that are kept in the side memory."""
-        return {step.node for step in self.steps if step.stored and step.bus == "side"}
+        """Nodes that are kept in the memories of side buses."""
+        return {step.node for step in self.steps if step.stored and step.bus != "main"}
 
     def on_bus(self, step):
         """True if a step's result goes over a result bus."""
@@ -196,6 +196,7 @@ class Schedule:
             assert step.issue >= machine.first_issue, f"{node} is too early"
             assert step.unit in {unit.name for unit in machine.units(node)}, f"{step.unit} cannot compute {node}"
             unit = machine.unit[step.unit]
+            assert step.bus in machine.links(unit), f"the {step.bus} bus does not take {node} from {step.unit}"
             uses[f"read port {machine.port(unit)}", self.slot(step.issue)] += 1
             for busy in range(unit.interval):
                 uses[step.unit, self.slot(step.issue + busy)] += 1

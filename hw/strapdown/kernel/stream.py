@@ -1,6 +1,6 @@
 """The engine for several channels, with several updates in flight: sequencer, banks, commit."""
 
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import NamedTuple
 
 from amaranth import *
@@ -130,7 +130,7 @@ class StreamEngine(SystemComponent):
         program = self._program
         return {"channels": program.channels, "interval_cycles": self.interval,
                 "updates_under_way": program.schedule.stages,
-                "main_memory_words": program.depth, "side_memory_words": program.side_depth,
+                "main_memory_words": program.depth, "side_memory_words": sum(program.side_depths.values()),
                 **program_facts(program, self.status_names)}
 
     @property
@@ -323,18 +323,24 @@ class StreamEngine(SystemComponent):
         program, pool = self._program, self._program.schedule.pool
         m.submodules.main_memory = main = memory(program, program.depth, pool.operand_memory)
         memories = {"main": (main, write_main)}
-        if program.side_depth:
-            m.submodules.side_memory = aside = memory(program, program.side_depth, pool.side_memory)
-            memories["side"] = aside, word.side.enable
+        for bus, depth in program.side_depths.items():
+            m.submodules[f"{bus}_memory"] = aside = memory(program, depth, pool.side_memory)
+            memories[bus] = aside, word[bus].enable
 
         def fetch(fields):
-            if not program.side_depth:
-                from_main = main.read_port()
-                m.d.comb += from_main.addr.eq(fields.address)
-                return from_main.data
-            from_main, from_side = main.read_port(), aside.read_port()
-            m.d.comb += [from_main.addr.eq(fields.address), from_side.addr.eq(fields.address)]
-            return Mux(fields.side, from_side.data, from_main.data)
+            ports = []
+            for name, (each, _) in memories.items():
+                if name == "main":
+                    ports.append(each.read_port())
+                else:
+                    from_side = each.read_port()
+                    ports.append(from_side)
+            m.d.comb += [port.addr.eq(fields.address) for port in ports]
+            found = [port.data for port in ports]
+            for bit in fields.side if program.side_depths else []:
+                found = [low if high is None else Mux(bit, high, low)
+                         for low, high in zip_longest(found[::2], found[1::2])]
+            return found[0]
 
         ports = operand_registers(m, program, word, fetch)
         components = {unit.name: unit.make() for unit in program.units}

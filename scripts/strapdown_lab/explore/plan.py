@@ -63,12 +63,13 @@ def _figures(module, config):
     return {
         "cycles": cycles_of(core), "latency": core.latency,
         "units": [unit.kind for unit in program.units], "width": number, "pairs": len(program.read_ports),
-        "operand_sources": len(forwarded) or 1 + bool(program.side_depth),
+        "operand_sources": len(forwarded) or 1 + len(program.side_depths),
         "bus_sources": [len(names) for names in selected.values() if names],
         "other_sources": 0 if pool.horizontal else len(getattr(program, "other_sources", ())),
         "met_sources": len(program.units) + len(program.graph.inputs) + 1 if pool.horizontal else 0,
         "memory": pool.operand_memory.value, "depth": program.depth,
-        "side": pool.side_memory.value if program.side_depth else None, "side_depth": program.side_depth,
+        "side": pool.side_memory.value if program.side_depths else None,
+        "side_depth": sum(program.side_depths.values()),
         "microcode": pool.microcode.value, "words": program.length, "word_bits": program.layout.size}
 
 
