@@ -501,7 +501,7 @@ class StreamProgram(Program):
                 bits += 1
 
     def _side(self, bus):
-        nodes = self._longest_first(node for node in self.schedule.aside if self.schedule.bus[node] == bus)
+        nodes = self._longest_first(node for node, own in self.schedule.bus.items() if own == bus)
         return self._allocated(nodes, range(2 * sum(map(self._copies, nodes))))
 
     def _longest_first(self, nodes):
