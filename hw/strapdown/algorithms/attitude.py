@@ -65,14 +65,17 @@ def magnetometer_error(xp, m, c, axes):
     return add(scale(root(xp, dot(h[:2], h[:2])), north), scale(h[2], up))
 
 
-def rate_correction(g, early, late, i, unit, integral_share):
+def rate_correction(g, early, late, i, unit, integral_share, *, fewest=False):
     """i := i + Ki·T·e and omega = g·π/180 + Kp·e + i for e = e_a + e_m = early + late: INS_gyro, eq. 2.31.
 
     One degree per second is ``unit`` in the unit of ``omega`` and ``i``. ``early`` and ``late`` are in the same
     unit and contain the gain Kp + Ki·T, of which Ki·T is the fraction ``integral_share``. Returns (omega, i).
     omega is computed from the previous i and the whole gain: the same value, but it does not wait for the
-    next i. ``late`` is added last.
+    next i. ``late`` is added last. With ``fewest``, both sums contain early + late: fewer additions.
     """
+    if fewest:
+        error = add(early, late)
+        return add(add(scale(unit, g), i), error), add(i, scale(integral_share, error))
     omega = add(add(add(scale(unit, g), i), early), late)
     return omega, add(i, scale(integral_share, add(early, late)))
 
@@ -148,7 +151,7 @@ def matrix_angles(xp, c):
     return pitch, xp.select(pole, 0.0, roll), yaw
 
 
-def corrections(xp, a, m, c, gain, *, fewest):
+def corrections(xp, a, m, c1, c3, gain, *, fewest):
     """Both error vectors times ``gain``, e_a·gain and e_m·gain, as a sum that is ready early and a summand that is not.
 
     e_a + e_m = a/|a| × c3 + hz/|m|² · m × c3 + bx/|m|² · m × c1, with hz = m·c3 and bx² = |m|² − hz², because the
@@ -159,7 +162,6 @@ def corrections(xp, a, m, c, gain, *, fewest):
     """
     square_a, accelerometer_missing = length_squared(a)
     square_m, magnetometer_missing = length_squared(m)
-    c1, c3 = column(c, 0), column(c, 2)
     hz = dot(m, c3)
     bx_squared = xp.maximum(square_m - hz * hz, SHORTEST_SQUARE)
     by_a, by_m, by_bx = gain * xp.rsqrt(square_a), gain * xp.reciprocal(square_m), xp.rsqrt(bx_squared)
@@ -191,48 +193,62 @@ def turn(s, half_turn):
             (d2 + x * b) - (y * d1 + z * a))
 
 
-def pair_products(s, *, unit):
-    """Elements of C with a factor, as rows, u = B² + D2² and v = A² + D1²: eq. 2.34 for s = (A, B, D1, D2).
+def pair_squares(s, least=None):
+    """c13, c22 and c31 times u + v, and u = B² + D2² and v = A² + D1²: eq. 2.34 for s = (A, B, D1, D2).
 
-    c13, c22 and c31 are (u + v) times the elements of C, the others (u + v)/2 times: no product is doubled. With
-    ``unit``, u + v is 1, and the rows are C.
+    ``least``, if given, is added to u and v, so that they are more than zero.
+    """
+    aa, bb, dd1, dd2 = (x * x for x in s)
+    u, v = (bb + dd2, aa + dd1) if least is None else (bb + (dd2 + least), aa + (dd1 + least))
+    first, second = bb - dd2, aa - dd1
+    return (v - u, first + second, first - second), u, v
+
+
+def directed(s):
+    """(A, B, D1, D2), where a pair of zeros, (A, D1) or (B, D2), has a direction."""
+    a, b, d1, d2 = s
+    return a + SHORTEST, b + SHORTEST, d1, d2
+
+
+def pair_products(s, squares):
+    """C as rows, with a factor, from the elements c13, c22 and c31, which are ``squares``: eq. 2.34 for s = (A, B, D1, D2).
+
+    The other elements are (A² + B² + D1² + D2²)/2 times those of C: no product is doubled.
     """
     a, b, d1, d2 = s
-    aa, bb, dd1, dd2 = (x * x for x in s)
-    u, v = bb + (dd2 + SHORTEST_SQUARE), aa + (dd1 + SHORTEST_SQUARE)
-    first, second = bb - dd2, aa - dd1
-    c13, c22, c31 = v - u, first + second, first - second
-    # A pair of zeros has a direction.
-    a, b = a + SHORTEST, b + SHORTEST
-    twice_a, twice_b, twice_d1 = (x + x if unit else x for x in (a, b, d1))
-    ab, bd1, dd = twice_a * b, twice_d1 * b, twice_d1 * d2
-    ad1, ad2, bd2 = twice_a * d1, twice_a * d2, twice_b * d2
-    return ((ab + dd, bd1 - ad2, c13), (bd2 - ad1, c22, bd1 + ad2), (c31, -(bd2 + ad1), ab - dd)), u, v
+    c13, c22, c31 = squares
+    ab, bd1, dd = a * b, d1 * b, d1 * d2
+    ad1, ad2, bd2 = a * d1, a * d2, b * d2
+    return (ab + dd, bd1 - ad2, c13), (bd2 - ad1, c22, bd1 + ad2), (c31, -(bd2 + ad1), ab - dd)
 
 
-def pair_angles(xp, c, u, v):
-    """Pitch, roll and yaw (Z-Y-X) in degrees from ``pair_products``: they give C back at any pitch.
+def pair_angles(xp, c, u, v, *, fewest):
+    """Pitch, roll and yaw (Z-Y-X) in degrees from ``pair_products`` and ``pair_squares``: they give C back at any pitch.
 
     yaw = arg(A + i·D1) − arg(B + i·D2) and roll = arg(A + i·D1) + arg(B + i·D2) are the arguments of the products
     c11 + i·c12 and c33 + i·c23 of these pairs. One pair vanishes at a pitch of ±90°, but its direction keeps all its
-    digits. The cosine of the pitch is sqrt(u·v)·2/(u + v); u and v are more than zero.
+    digits. The cosine of the pitch is sqrt(u·v)·2/(u + v); u and v are more than zero, and may contain another factor
+    than ``c``. With ``fewest``, the tangent of the pitch is (u − v)/sqrt(u·v)/2: one product fewer, but it waits for
+    the root.
     """
     (c11, c12, c13), (_, _, c23), (_, _, c33) = c
     square = u * v
+    if fewest:
+        return euler_angles(xp, c11, c12, (v - u) * xp.rsqrt(square), 2.0, c23, c33)
     return euler_angles(xp, c11, c12, 0.5 * c13, square * xp.rsqrt(square), c23, c33)
 
 
-def attitude_update(xp, a, m, g, s, c, i, square=None, *, axes, period, kp, ki):
+def attitude_update(xp, a, m, g, s, c, i, *, axes, period, kp, ki, fewest=False):
     """One update of INS_top; the stages are in the order of the thesis's state machine.
 
     The attitude is s = (A, B, D1, D2) = (q0 − q2, q0 + q2, q1 + q3, q1 − q3), times any factor. With these sums the
     elements of C are sums of two products or of squares. The angles need their directions only, and do not wait for
     the length of s. All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one
-    period.
+    period. Of ``c``, the first and the last column are used.
 
-    With ``square`` = u + v, the square of the length of s, the update consists of fewer operations, but more of them
-    wait for others: s is normalised before C is computed from it, by 1/sqrt(square·(1 + |half turn|²)), because
-    s⊗(0, half turn) is perpendicular to s. Rounding does not accumulate: ``square`` is computed anew.
+    With ``fewest``, the update consists of fewer operations, but more of them wait for others: s is normalised to the
+    length sqrt(2) before its products are computed, and only the elements that are sums of squares are divided by
+    |s|². The next state has the first and the last column of C only.
 
     The error e_a + e_m is zero at wrong attitudes too, its false equilibria; ``tilt_reversed`` or ``heading_reversed``
     is true at each of them. In navigation axes, with a_n = Cᵀ·a/|a| and h = Cᵀ·m/|m|, the error is
@@ -240,29 +256,31 @@ def attitude_update(xp, a, m, g, s, c, i, square=None, *, axes, period, kp, ki):
     With hx = bx the attitude is right, or a_n = (0, 0, −1): upside down. With hx = −bx north is behind, and the pitch
     is wrong by asin(2·hz·bx).
     """
-    fewest = square is not None
     with xp.section("ACC_MAG"):
         gain, integral_share = correction_gains(xp, kp, ki, period)
         gain *= period / 2
-        early, late, status = corrections(xp, a, permute(axes, m), c, gain, fewest=fewest)
+        early, late, status = corrections(xp, a, permute(axes, m), column(c, 0), column(c, -1), gain, fewest=fewest)
     with xp.section("GYRO"):
-        half_turn, i = rate_correction(g, early, late, i, period / 2 / DEGREES, integral_share)
+        half_turn, i = rate_correction(g, early, late, i, period / 2 / DEGREES, integral_share, fewest=fewest)
     with xp.section("QUAT"):
         s = turn(s, half_turn)
-        if fewest:
-            s = scale(xp.rsqrt(square + square * dot(half_turn, half_turn)), s)
     with xp.section("MATX"):
-        products, u, v = pair_products(s, unit=fewest)
-        square = u + v
         if fewest:
-            c = products
+            s = directed(s)
+            squares, u, v = pair_squares(s)
+            square = u + v
+            s = scale(math.sqrt(2) * xp.rsqrt(square), s)
+            c = products = pair_products(s, scale(xp.reciprocal(square), squares))
         else:
+            squares, u, v = pair_squares(s, SHORTEST_SQUARE)
+            products = pair_products(directed(s), squares)
+            square = u + v
             once = xp.reciprocal(square)
             twice = once + once
             c = tuple(tuple((once if row + index == 2 else twice) * element for index, element in enumerate(elements))
                       for row, elements in enumerate(products))
             s = scale(xp.rsqrt(square), s)
     with xp.section("EULER"):
-        angles = pair_angles(xp, products, u, v)
-    return Update(outputs={"c": c, "angles": angles},
-                  state={"s": s, "c": c, "i": i} | ({"square": square} if fewest else {}), status=status)
+        angles = pair_angles(xp, products, u, v, fewest=fewest)
+    kept = tuple((row[0], row[-1]) for row in c) if fewest else c
+    return Update(outputs={"c": c, "angles": angles}, state={"s": s, "c": kept, "i": i}, status=status)

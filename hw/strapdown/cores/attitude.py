@@ -18,7 +18,7 @@ from strapdown.kernel.operators import (
     TableReciprocal,
 )
 from strapdown.kernel.pool import MemoryStyle, Pool
-from strapdown.kernel.system import System, matrix, vector
+from strapdown.kernel.system import System, leaves, matrix, vector
 
 __all__ = ["ATTITUDE_CORES", "AttitudeConfig", "MAHONY", "THESIS", "THESIS_COMPACT", "THESIS_FAST", "THESIS_X8"]
 
@@ -174,11 +174,16 @@ def ins_atan(config):
 
 def ins_top(config):
     """System of INS_top: for several channels, the form of the update with the fewest operations."""
+    fewest = config.channels > 1
+
     def equations(xp, **arguments):
-        return attitude.attitude_update(xp, axes=config.magnetometer_axes, period=config.period_s,
+        return attitude.attitude_update(xp, axes=config.magnetometer_axes, period=config.period_s, fewest=fewest,
                                         **config.gains | arguments)
 
-    square = {"square": "square"} if config.channels > 1 else {}
+    rows = matrix("c{}")
+    if fewest:
+        rows = tuple((row[0], row[-1]) for row in rows)
+    reset = ("sa", "sb", "c11", "c22", "c33")
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
         kernels=KERNELS, meanings=MEANINGS | config.input_meanings,
@@ -186,8 +191,8 @@ def ins_top(config):
         start="in_data_en", finish="out_INS_finish",
         inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}"), **config.gain_ports},
         outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw"))},
-        state={"s": vector("s{}", ("a", "b", "d1", "d2")), "c": matrix("c{}"), "i": vector("i{}"), **square},
-        reset=dict.fromkeys(("sa", "sb", "c11", "c22", "c33"), 1.0) | dict.fromkeys(square, 2.0),
+        state={"s": vector("s{}", ("a", "b", "d1", "d2")), "c": rows, "i": vector("i{}")},
+        reset=dict.fromkeys((word for word in reset if word in leaves((rows, "sa", "sb"))), 1.0),
         status=("accelerometer_missing", "magnetometer_missing", "tilt_reversed", "heading_reversed"),
         status_port="out_status",
         status_order=("accelerometer_missing", "magnetometer_missing", "refused", "ignored", "restarted",
