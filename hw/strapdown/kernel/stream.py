@@ -93,8 +93,18 @@ class StreamEngine(SystemComponent):
 
     @property
     def recovery(self):
-        """Cycles after a reset in which nothing is taken: each writes a constant."""
+        """Cycles after a reset in which nothing is taken: the microprogram is read, then each writes a constant."""
+        return self._filling + self._refreshes
+
+    @property
+    def _refreshes(self):
+        """Cycles after a reset in which constants are written."""
         return max(len(self._program.constants), 1)
+
+    @property
+    def _filling(self):
+        """Cycles from the address of a word to the word that acts, less those of a ROM that is read without an edge."""
+        return 0 if self._program.schedule.pool.microcode is MemoryStyle.DISTRIBUTED else 2
 
     @property
     def ports(self):
@@ -179,15 +189,17 @@ class StreamEngine(SystemComponent):
         """
         program, schedule = self._program, self._program.schedule
         length = program.length
-        cycle, slot = Signal(range(length), name="cycle"), Signal(range(length), name="slot")
+        # A ROM that is read at an edge has been read before a first word acts: the counter starts before its end.
+        first = length - self._filling
+        cycle, slot = Signal(range(length), name="cycle", init=first % length), Signal(range(length), name="slot")
         following, goes = Signal(range(length), name="following"), Signal(name="goes")
-        beginning, taken = Signal(name="beginning", init=1), Signal(name="taken")
+        beginning, taken = Signal(name="beginning", init=not self._filling), Signal(name="taken")
         in_flight, occupied = Signal(name="in_flight"), Signal(name="occupied")
         start = getattr(self, self._system.start)
         turn, waiting = Signal(program.turning_bits, name="turn"), Signal(name="waiting")
         # While the engine waits, it writes a constant per cycle. After a reset it takes nothing until all are there.
         primed = Signal(name="primed")
-        with m.If(waiting & (turn == self.recovery - 1)):
+        with m.If(waiting & (turn == self._refreshes - 1)):
             m.d.sync += primed.eq(1)
         m.d.comb += [
             in_flight.eq(Cat(stages.valid).any()),
@@ -196,8 +208,14 @@ class StreamEngine(SystemComponent):
             self.in_ready.eq(beginning & primed & ~occupied),
             taken.eq(start & self.in_ready),
             waiting.eq(beginning & ~in_flight & ~(start & primed)),
-            goes.eq(~waiting),
-            following.eq(Mux(cycle == length - 1, 0, cycle + goes))]
+            goes.eq(~waiting)]
+        if self._filling:
+            ahead, coming = Signal(range(length), name="ahead", init=first + 1), Signal(range(length), name="coming")
+            m.d.comb += [coming.eq(Mux(ahead == length - 1, 0, ahead + goes)), following.eq(Mux(goes, ahead, cycle))]
+            m.d.sync += ahead.eq(coming)
+        else:
+            coming = following
+            m.d.comb += following.eq(Mux(cycle == length - 1, 0, cycle + goes))
         m.d.sync += [cycle.eq(following), beginning.eq(following == 0), slot.eq(cycle)]
         commit, refuse = Signal(name="commit"), Signal(name="refuse")
         # Another counter, set by the beginnings, must agree with the slot.
@@ -207,7 +225,7 @@ class StreamEngine(SystemComponent):
         known = [getattr(stages, name)[-1] for name in ("valid", "channel", "bank", "fresh", "parity")]
         m.d.comb += [upset.eq(slot != check), refuse.eq(stages.bad[-1] | upset | Cat(known).xor()),
                      commit.eq((slot == schedule.commit % length) & stages.valid[-1])]
-        return Control(cycle, following, slot, beginning, waiting, taken, upset, turn, commit, refuse)
+        return Control(cycle, coming, goes, slot, beginning, waiting, taken, upset, turn, commit, refuse)
 
     def _restart(self, m, control, stages):
         """High at the end of an update after which the channel's state is that after a reset: it and those before it
@@ -260,13 +278,18 @@ class StreamEngine(SystemComponent):
         memory: what is written of a stage without an update is lost, but must not touch any state."""
         program = self._program
         style = program.schedule.pool.microcode
-        registered = style is not MemoryStyle.DISTRIBUTED
-        # A ROM that is read at the edge gets the counter's next value, so its output is the word of the counter.
+        registered = bool(self._filling)
         m.submodules.microcode = rom = Memory(shape=program.layout, depth=program.length, init=program.words,
                                               attrs=style.attributes("rom_style") if registered else {})
         fetch = rom.read_port(domain="sync" if registered else "comb")
         settled, word = Signal(program.layout, name="settled"), Signal(program.layout, name="word", reset_less=True)
-        m.d.comb += [fetch.addr.eq(control.following if registered else control.cycle), settled.eq(fetch.data)]
+        fetched = fetch.data
+        if registered:
+            # The word of the counter; the ROM's output is the next word.
+            fetched = Signal(program.layout, name="fetched", reset_less=True)
+            with m.If(control.goes):
+                m.d.sync += fetched.eq(fetch.data)
+        m.d.comb += [fetch.addr.eq(control.coming if registered else control.cycle), settled.eq(fetched)]
         m.d.sync += word.eq(settled)
         known = list(zip(stages.fresh, stages.bank, stages.channel, strict=True))
         low = program.index_bits
@@ -285,7 +308,7 @@ class StreamEngine(SystemComponent):
 
         def settle(path, words):
             """The address of a part of the word, by its kind."""
-            read, address = fetch.data, settled
+            read, address = fetched, settled
             for name in path:
                 read, address = read[name], address[name]
             with m.Switch(read.kind):
@@ -302,13 +325,13 @@ class StreamEngine(SystemComponent):
         for bus in program.depths:
             settle((bus,), {STATE: next_state, CONSTANT: constant} if bus == "main" else {})
         enable = Signal()
-        with m.Switch(fetch.data.main.kind):
+        with m.Switch(fetched.main.kind):
             for index, (kind, stage) in enumerate(program.kinds):
                 if kind == STATE:
                     with m.Case(index):
-                        m.d.comb += enable.eq(fetch.data.main.enable & stages.valid[stage])
+                        m.d.comb += enable.eq(fetched.main.enable & stages.valid[stage])
             with m.Default():
-                m.d.comb += enable.eq(fetch.data.main.enable)
+                m.d.comb += enable.eq(fetched.main.enable)
         if program.constants:
             with m.If(control.waiting):
                 refresh = program.refresh
@@ -465,11 +488,13 @@ class Stages(NamedTuple):
 
 
 class Control(NamedTuple):
-    """Signals of the sequencer: ``waiting`` while no update is in flight and no sample comes, ``upset`` is high if
+    """Signals of the sequencer: ``coming`` is the counter's next value, or the one after it if the ROM is read at an
+    edge; ``goes`` is high if the counter continues, ``waiting`` while no update is in flight and no sample comes, ``upset`` is high if
     the slot is wrong, ``turn`` counts the intervals for addresses."""
 
     cycle: Signal
-    following: Signal
+    coming: Signal
+    goes: Signal
     slot: Signal
     beginning: Signal
     waiting: Signal
