@@ -20,7 +20,8 @@ from strapdown.kernel.operators import (
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.system import System, leaves, matrix, vector
 
-__all__ = ["ATTITUDE_CORES", "AttitudeConfig", "MAHONY", "THESIS", "THESIS_COMPACT", "THESIS_FAST", "THESIS_X8"]
+__all__ = ["ATTITUDE_CORES", "AttitudeConfig", "MAHONY", "THESIS", "THESIS_COMPACT", "THESIS_FAST", "THESIS_FAST_X16",
+           "THESIS_X64", "THESIS_X8"]
 
 
 class AttitudeConfig(TunableConfig):
@@ -229,10 +230,17 @@ MAHONY = THESIS.replace(
     description="the same filter with Kp 0.5, Ki 0, all sensors along the body axes, any sample rate",
     kp=0.5, ki=0, magnetometer_axes=("+x", "+y", "+z"))
 
+STREAM = Pool(operators=(Adder(latency=5), Multiplier(count=2, latency=4), TableReciprocal(latency=7),
+                         TableArctangent(), Selector()),
+              forwarding=False, operand_memory=MemoryStyle.BLOCK, side_memory=MemoryStyle.BLOCK, side_buses=2)
+"""Operators for several channels: the clock rate matters here, not the latency of an operation."""
+
 THESIS_X8 = THESIS.replace(
     name="thesis_x8", description="eight IMUs on one core, each with the filter of the 2015 thesis",
-    # The clock rate matters here, not the latency of an operation.
-    channels=8, interval=91,
-    pool=Pool(operators=(Adder(latency=5), Multiplier(latency=4), *TABLES),
-              forwarding=False, operand_memory=MemoryStyle.BLOCK, microcode=MemoryStyle.DISTRIBUTED,
-              side_memory=True))
+    channels=8, interval=67, pool=STREAM)
+
+THESIS_X64 = THESIS_X8.replace(name="thesis_x64", description="the same for 64 IMUs", channels=64)
+
+THESIS_FAST_X16 = THESIS_X8.replace(
+    name="thesis_fast_x16", description="the same for 16 IMUs, fast: two adders and two multipliers",
+    channels=16, interval=45, adders=2, adder_latency=6, table_reciprocal_latency=6, side_buses=3)

@@ -7,7 +7,7 @@ from strapdown.config import Config
 from strapdown.kernel.stream import StreamEngine
 from strapdown.kernel.system import System
 
-from .attitude import MAHONY, THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8
+from .attitude import MAHONY, THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_FAST_X16, THESIS_X8, THESIS_X64
 from .core import Core
 from .flight import FLIGHT, FLIGHT_6AXIS
 from .optical import OPTICAL_ERECTED, OPTICAL_S11639, OPTICAL_TCD1304
@@ -20,8 +20,8 @@ __all__ = ["CONFIGS", "MODULES", "control_of", "main_module", "make_core", "make
            "title_of"]
 
 CONFIGS = {config.name: config for config in (
-    THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8, MAHONY, FLIGHT, FLIGHT_6AXIS, QUATERNION_J2, QUATERNION_J3,
-    SINS, SINS_DAMPED, OPTICAL_TCD1304, OPTICAL_S11639, OPTICAL_ERECTED)}
+    THESIS, THESIS_COMPACT, THESIS_FAST, THESIS_X8, THESIS_X64, THESIS_FAST_X16, MAHONY, FLIGHT, FLIGHT_6AXIS,
+    QUATERNION_J2, QUATERNION_J3, SINS, SINS_DAMPED, OPTICAL_TCD1304, OPTICAL_S11639, OPTICAL_ERECTED)}
 """All named configurations, by name."""
 
 

@@ -93,7 +93,7 @@ SELDOM = {"horizontal": False, "adder_dsp_shifts": False}
 """Maps parameters of a Pool that few configurations set to their defaults: a configuration lists other values only."""
 
 RESERVED = {"input", "other", "bus", "memory", "side", "side2", "side3", "main", "operands", "signs", "microcode",
-            "main_memory", "side_memory", "side2_memory", "side3_memory", "bank", "fresh", "banks", "freshness"}
+            "main_memory", "side_memory", "side2_memory", "side3_memory", "bank", "fresh", "current", "refusals"}
 """Names beside those of units in the engines: sources of operands and results, buses, memories and state."""
 
 

@@ -4,6 +4,7 @@ from itertools import pairwise, zip_longest
 from typing import NamedTuple
 
 from amaranth import *
+from amaranth.lib import data
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import bits_for, exact_log2
@@ -93,13 +94,14 @@ class StreamEngine(SystemComponent):
 
     @property
     def recovery(self):
-        """Cycles after a reset in which nothing is taken: the microprogram is read, then each writes a constant."""
+        """Cycles after a reset in which nothing is taken: the microprogram is read, then each writes a constant and
+        marks a channel as fresh."""
         return self._filling + self._refreshes
 
     @property
     def _refreshes(self):
-        """Cycles after a reset in which constants are written."""
-        return max(len(self._program.constants), 1)
+        """Cycles after a reset in which constants are written, and the channels are marked as fresh."""
+        return max(len(self._program.constants), self.channels)
 
     @property
     def _filling(self):
@@ -196,9 +198,11 @@ class StreamEngine(SystemComponent):
         beginning, taken = Signal(name="beginning", init=not self._filling), Signal(name="taken")
         in_flight, occupied = Signal(name="in_flight"), Signal(name="occupied")
         start = getattr(self, self._system.start)
-        turn, waiting = Signal(program.turning_bits, name="turn"), Signal(name="waiting")
-        # While the engine waits, it writes a constant per cycle. After a reset it takes nothing until all are there.
-        primed = Signal(name="primed")
+        turn = Signal(max(program.turning_bits, bits_for(self._refreshes - 1)), name="turn")
+        waiting = Signal(name="waiting")
+        # While the engine waits, it writes a constant per cycle. After a reset it takes nothing until all are there,
+        # and until all channels are fresh.
+        primed, clearing = Signal(name="primed"), Signal(name="clearing")
         with m.If(waiting & (turn == self._refreshes - 1)):
             m.d.sync += primed.eq(1)
         m.d.comb += [
@@ -208,7 +212,7 @@ class StreamEngine(SystemComponent):
             self.in_ready.eq(beginning & primed & ~occupied),
             taken.eq(start & self.in_ready),
             waiting.eq(beginning & ~in_flight & ~(start & primed)),
-            goes.eq(~waiting)]
+            goes.eq(~waiting), clearing.eq(waiting & ~primed)]
         if self._filling:
             ahead, coming = Signal(range(length), name="ahead", init=first + 1), Signal(range(length), name="coming")
             m.d.comb += [coming.eq(Mux(ahead == length - 1, 0, ahead + goes)), following.eq(Mux(goes, ahead, cycle))]
@@ -225,41 +229,38 @@ class StreamEngine(SystemComponent):
         known = [getattr(stages, name)[-1] for name in ("valid", "channel", "bank", "fresh", "parity")]
         m.d.comb += [upset.eq(slot != check), refuse.eq(stages.bad[-1] | upset | Cat(known).xor()),
                      commit.eq((slot == schedule.commit % length) & stages.valid[-1])]
-        return Control(cycle, coming, goes, slot, beginning, waiting, taken, upset, turn, commit, refuse)
+        return Control(cycle, coming, goes, slot, beginning, waiting, clearing, taken, upset, turn, commit, refuse)
 
     def _restart(self, m, control, stages):
         """High at the end of an update after which the channel's state is that after a reset: it and those before it
-        were refused, and their inputs were all finite.
-
-        The counts are in a memory. That of a channel is valid if the channel's bit in ``counting`` is set.
-        """
+        were refused, and their inputs were all finite. The counts are in a memory."""
         limit, channel, restart = self._system.restart_after, stages.channel[-1], Signal(name="restart")
         if not limit:
             return restart
         m.submodules.refusals = refusals = Memory(shape=bits_for(limit), depth=self._program.channels, init=())
         before, after = refusals.read_port(domain="comb"), refusals.write_port()
-        counting, counted = Signal(self._program.channels, name="counting"), Signal(name="counted")
-        number = Mux(counting.bit_select(channel, 1), before.data, 0)
+        counted = Signal(name="counted")
         m.d.comb += [counted.eq(control.commit & control.refuse & ~stages.foreign[-1]),
-                     restart.eq(counted & (number == limit - 1)),
-                     before.addr.eq(channel), after.addr.eq(channel), after.data.eq(number + 1), after.en.eq(counted)]
-        with m.If(counted | control.commit & ~control.refuse):
-            m.d.sync += counting.bit_select(channel, 1).eq(counted & ~restart)
+                     restart.eq(counted & (before.data == limit - 1)), before.addr.eq(channel),
+                     after.addr.eq(Mux(control.clearing, control.turn, channel)),
+                     after.data.eq(Mux(counted & ~restart, before.data + 1, 0)),
+                     after.en.eq(control.clearing | counted | control.commit & ~control.refuse)]
         return restart
 
     def _banks(self, m, control, stages, restart):
-        """Banks by channel; each update carries the bits that it needs from stage to stage."""
-        channels, number, channel = self._program.channels, self.in_channel, stages.channel[-1]
-        bank, fresh = Signal(name="bank"), Signal(name="fresh")
-        banks, freshness = Signal(channels, name="banks"), Signal(channels, name="freshness", init=-1)
+        """The bank of each channel, and whether its state is fresh, in a memory; each update carries what it needs of
+        them from stage to stage."""
+        number, channel = self.in_channel, stages.channel[-1]
+        shape = data.StructLayout({"bank": 1, "fresh": 1})
+        m.submodules.current = current = Memory(shape=shape, depth=self._program.channels, init=())
+        found, after = current.read_port(domain="comb"), current.write_port()
         with m.If(control.commit):
             m.d.sync += stages.valid[-1].eq(0)
-            with m.If(~control.refuse):
-                m.d.sync += [banks.bit_select(channel, 1).eq(~stages.bank[-1]),
-                             freshness.bit_select(channel, 1).eq(0)]
-            with m.If(restart):
-                m.d.sync += freshness.bit_select(channel, 1).eq(1)
-        m.d.comb += [bank.eq(banks.bit_select(number, 1)), fresh.eq(freshness.bit_select(number, 1))]
+        bank, fresh = found.data.bank, found.data.fresh
+        m.d.comb += [found.addr.eq(number), after.addr.eq(Mux(control.clearing, control.turn, channel)),
+                     after.data.bank.eq((stages.bank[-1] ^ ~control.refuse) & ~control.clearing),
+                     after.data.fresh.eq(control.clearing | control.refuse),
+                     after.en.eq(control.clearing | control.commit & (~control.refuse | restart))]
         # While the counter waits, stages without an update are shifted repeatedly.
         with m.If(control.beginning):
             turned = ~control.turn if len(control.turn) == 1 else control.turn + 1
@@ -489,8 +490,9 @@ class Stages(NamedTuple):
 
 class Control(NamedTuple):
     """Signals of the sequencer: ``coming`` is the counter's next value, or the one after it if the ROM is read at an
-    edge; ``goes`` is high if the counter continues, ``waiting`` while no update is in flight and no sample comes, ``upset`` is high if
-    the slot is wrong, ``turn`` counts the intervals for addresses."""
+    edge; ``goes`` is high if the counter continues, ``waiting`` while no update is in flight and no sample comes, and
+    ``clearing`` if it waits after a reset; ``upset`` is high if the slot is wrong, ``turn`` counts the intervals for
+    addresses."""
 
     cycle: Signal
     coming: Signal
@@ -498,6 +500,7 @@ class Control(NamedTuple):
     slot: Signal
     beginning: Signal
     waiting: Signal
+    clearing: Signal
     taken: Signal
     upset: Signal
     turn: Signal

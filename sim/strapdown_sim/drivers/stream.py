@@ -37,8 +37,8 @@ class StreamModel:
         self._state = dict(program.schedule.graph.state)
         engine = f"{system.name}__DOT__engine__DOT__"
         # The state of the channel that finishes: its bank has just changed and cannot change again so soon.
-        probes = {name: (f"{system.name}_engine", variable, f"{engine}{variable} >> dut->out_channel & 1")
-                  for name, variable in (("bank", "banks"), ("fresh", "freshness"))}
+        probes = {name: (f"{system.name}_engine", "current", f"{engine}current[dut->out_channel] >> {bit} & 1")
+                  for bit, name in enumerate(("bank", "fresh"))}
         bank = f"(dut->rootp->{probes['bank'][2]})"
         probes |= {word: (f"{system.name}_engine", "main_memory",
                           f"{engine}main_memory[{address} + 2 * dut->out_channel + {bank}]")

@@ -79,8 +79,9 @@ class UpsetModel(VerilatedModel):
 
         memory = "main_memory" if several else "operands"
         if several:
-            names, channel = {"bank": "banks", "fresh": "freshness"}, "dut->in_channel"
-            probes = {probe: variable(name, f" >> {channel} & 1") for probe, name in names.items()}
+            channel = "dut->in_channel"
+            probes = {probe: variable("current", f"[{channel}] >> {bit} & 1")
+                      for bit, probe in enumerate(("bank", "fresh"))}
         else:
             probes, channel = {name: variable(name) for name in ("bank", "fresh")}, "0"
         for word, address in program.state.items():
