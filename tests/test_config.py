@@ -109,7 +109,7 @@ def test_every_configuration_can_have_several_channels(config):
 
 def test_the_interval_is_the_schedulers_choice_or_given():
     assert THESIS.replace(channels=8).interval is None
-    assert (THESIS_X8.interval, THESIS_X8.replace(interval="").interval) == (91, None)
+    assert (THESIS_X8.interval, THESIS_X8.replace(interval="").interval) == (67, None)
     with pytest.raises(ConfigError, match=r"^configuration thesis_x8: interval must be None"):
         THESIS_X8.replace(channels=1)
     assert THESIS_X8.replace(channels=1, interval=None).interval is None

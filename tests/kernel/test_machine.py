@@ -107,7 +107,7 @@ def test_bounds_count_results_on_both_buses():
     machine = UpdateMachine(pool)
     bounds, result = Problem(graph, machine).lengths(), list_schedule(graph, machine)
     nodes = len(Problem(graph, machine).nodes)
-    assert nodes // 2 < bounds["pair of buses"] < nodes
+    assert nodes // 2 < bounds["2 buses"] < nodes
     assert max(bounds.values()) <= result.length
-    # With one bus, a bound for the pair of buses does not exist.
-    assert "pair of buses" not in Problem(graph, UpdateMachine(replace(pool, side_memory=False))).lengths()
+    # With one bus, a bound for both buses does not exist.
+    assert "2 buses" not in Problem(graph, UpdateMachine(replace(pool, side_memory=False))).lengths()

@@ -5,7 +5,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, FLIGHT, QUATERNION_J3, THESIS, THESIS_X8
+from strapdown.cores import ATTITUDE_CORES, FLIGHT, QUATERNION_J3, THESIS, THESIS_FAST_X16, THESIS_X8
 from strapdown.cores.attitude import ins_top
 from strapdown.cores.flight import ins_flight
 from strapdown.cores.quaternion import quat_direct
@@ -26,6 +26,7 @@ CASES = {
     "flight": (ins_flight(FLIGHT), FLIGHT.pool, 8),
     "one read port and one bus": (quat_direct(QUATERNION_J3), NARROW, 2),
     "two adders and multipliers": (quat_direct(QUATERNION_J3), WIDE, 64),
+    "three side buses": (SYSTEM, THESIS_FAST_X16.pool, 16),
     "no status port": (ATTITUDE_CORES["INS_quat"](THESIS), THESIS.pool, 4),
 }
 
@@ -49,15 +50,15 @@ class Machine:
         self.program = program
         # What the memories contain at first is never read, but for the constants: they are written before a sample.
         rng = np.random.default_rng(8)
-        self.main, self.side = (rng.integers(1 << 32, size=depth).tolist()
-                                for depth in (program.depth, program.side_depth))
+        self.memories = {bus: rng.integers(1 << 32, size=depth).tolist() for bus, depth in program.depths.items()}
+        self.main = self.memories["main"]
         self.constants = [int(FORMAT.to_bits(value)) for value in program.constants]
         self.main[program.upper:program.upper + len(self.constants)] = self.constants
         self.units = {unit.name: unit for unit in program.units}
         self.coming, self.refreshed = {}, set()
         self.buses = {}
-        # The values read from both memories in the previous cycle.
-        self.operands = {(port, side): (0, 0) for port in program.read_ports for side in "ab"}
+        # The values read from all memories in the previous cycle.
+        self.operands = {(port, side): [0] * len(self.memories) for port in program.read_ports for side in "ab"}
 
     def run(self, begins):
         """Run cycle by cycle; ``begins`` has an Update or None for each start of an interval."""
@@ -90,7 +91,7 @@ class Machine:
         begin = begins[cycle // program.length]
         if begin is not None:
             self.coming["input", cycle] = FORMAT.to_bits(begin.inputs[word.get("input", 0)])
-        for name in "main", "side":
+        for name in self.memories:
             if name in word:
                 source = program.sources[name][word[name]["source"]]
                 value = int(self.coming.get((source, cycle), 0x7FC00000))
@@ -131,13 +132,12 @@ class Machine:
                 if "address" in fields:
                     address = self.address(fields, cycle, begins)
                     if address is None:
-                        self.operands[port, side] = 0, 0
+                        self.operands[port, side] = [0] * len(self.memories)
                         continue
-                    aside = self.side[address % len(self.side)] if self.side else 0
-                    self.operands[port, side] = self.main[address], aside
+                    self.operands[port, side] = [memory[address % len(memory)] for memory in self.memories.values()]
                     following = program.words[(cycle + 1) % program.length][f"port{port}"][side]
-                    read.add(("side", address) if following.get("side") else ("main", address))
-        for name, memory in ("main", self.main), ("side", self.side):
+                    read.add(([*self.memories][following.get("side", 0)], address))
+        for name, memory in self.memories.items():
             if name in word:
                 address = self.address(word[name], cycle, begins, to_be=True)
                 if address is not None:
@@ -155,8 +155,8 @@ def test_every_system_can_be_streamed_on_every_kind_of_pool(case):
     system, pool, channels = CASES[case]
     program = StreamProgram(modulo_schedule(system.trace(pool), StreamMachine(pool)), channels)
     kinds = {kind for kind, _ in program.kinds}
-    assert (NEXT in kinds) == (case == "flight")
-    assert bool(program.side_depth) == (pool is not NARROW)
+    assert NEXT in kinds or case != "flight"
+    assert len(program.side_depths) == (0 if pool is NARROW else pool.side_buses)
     check_words(system, program)
 
 
@@ -200,9 +200,9 @@ def check_words(system, program):
 
 
 def test_memories_are_as_small_as_block_ram_and_luts_come(program):
-    # 17 words of state, twice for each of eight channels, are more than the half of 512.
-    assert program.depth == 1024
-    assert program.side_depth <= 64
+    # 13 words of state, twice for each of eight channels, take no more than the half of 512.
+    assert program.depth == 512
+    assert max(program.side_depths.values()) <= 64
 
 
 def test_bad_channels_are_refused(program):

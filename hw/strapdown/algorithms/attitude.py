@@ -211,7 +211,7 @@ def directed(s):
 
 
 def pair_products(s, squares):
-    """C as rows, with a factor, from the elements c13, c22 and c31, which are ``squares``: eq. 2.34 for s = (A, B, D1, D2).
+    """C as rows, with a factor: eq. 2.34 for s = (A, B, D1, D2). ``squares`` are the elements c13, c22 and c31.
 
     The other elements are (A² + B² + D1² + D2²)/2 times those of C: no product is doubled.
     """
@@ -223,7 +223,7 @@ def pair_products(s, squares):
 
 
 def pair_angles(xp, c, u, v, *, fewest):
-    """Pitch, roll and yaw (Z-Y-X) in degrees from ``pair_products`` and ``pair_squares``: they give C back at any pitch.
+    """Pitch, roll and yaw (Z-Y-X) in degrees from ``pair_products``, u and v: they give C back at any pitch.
 
     yaw = arg(A + i·D1) − arg(B + i·D2) and roll = arg(A + i·D1) + arg(B + i·D2) are the arguments of the products
     c11 + i·c12 and c33 + i·c23 of these pairs. One pair vanishes at a pitch of ±90°, but its direction keeps all its

@@ -243,4 +243,5 @@ THESIS_X64 = THESIS_X8.replace(name="thesis_x64", description="the same for 64 I
 
 THESIS_FAST_X16 = THESIS_X8.replace(
     name="thesis_fast_x16", description="the same for 16 IMUs, fast: two adders and two multipliers",
-    channels=16, interval=45, adders=2, adder_latency=6, table_reciprocal_latency=6, side_buses=3)
+    channels=16, interval=45, adders=2, adder_latency=6, table_reciprocal_latency=6, side_buses=3,
+    read_ranks=2)

@@ -135,8 +135,9 @@ class UpdateMachine(Machine):
 
     def __init__(self, pool):
         super().__init__(pool.settled(channels=1))
-        if self.pool.side_buses > 1:
-            raise ValueError(f"side_buses must be 1 for one channel, not {self.pool.side_buses}")
+        for name in "side_buses", "read_ranks":
+            if (value := getattr(self.pool, name)) > 1:
+                raise ValueError(f"{name} must be 1 for one channel, not {value}")
         if self.pool.side_memory and MemoryStyle.BLOCK in (self.pool.operand_memory, self.pool.side_memory):
             raise ValueError("operand_memory and side_memory must be auto or distributed for one channel with a side "
                              "memory")
@@ -191,8 +192,8 @@ class StreamMachine(Machine):
     """The rules of StreamEngine: an update begins every ``interval`` cycles, and several are in flight.
 
     Every result goes over a bus to the memory of that bus. State words go over the main bus. They need no steps to be
-    read, because they are in its memory. Inputs are registered for one interval. An operand's address is needed one
-    cycle before the operand. Conditions are kept in separate registers. If the pool has private ports, each adder and
+    read, because they are in its memory. Inputs are registered for one interval. An operand's address is needed
+    ``read_ranks`` cycles before the operand. Conditions are kept in separate registers. If the pool has private ports, each adder and
     each multiplier has its own pair of read ports, and all other units share the first pair of the kind that has more
     units. With side memories, the units of each pair but the first have a side bus, in turn, for results that are not
     state words. The adder or multiplier of the first pair prefers the main bus to that of the second pair. The results
@@ -201,11 +202,10 @@ class StreamMachine(Machine):
     Raises: ValueError for a pool that forwards results.
     """
 
-    MEMORY_DELAY, CONDITION_DELAY = 2, 1
+    CONDITION_DELAY = 1
 
-    lead = 1
-    # Before these cycles, values that the addresses depend on are not known.
-    first_input, first_issue = 1, 2
+    # Before this cycle, values that the addresses depend on are not known.
+    first_input = 1
 
     def __init__(self, pool):
         super().__init__(pool.settled(channels=2))
@@ -213,6 +213,8 @@ class StreamMachine(Machine):
             raise ValueError("forwarding must be False for several channels: all operands come from memory")
         if self.pool.horizontal:
             raise ValueError("horizontal must be False for several channels")
+        self.lead = self.pool.read_ranks
+        self.first_issue = self.first_input + self.lead
 
     def prepared(self, graph):
         """The graph with a copy of each state word and constant whose sign is a condition or a status bit."""
@@ -262,7 +264,7 @@ class StreamMachine(Machine):
         return {node for node in graph.nodes if self.needs_step(node)}
 
     def least_wait(self, read):
-        return self.CONDITION_DELAY if read.condition else self.MEMORY_DELAY
+        return self.CONDITION_DELAY if read.condition else 1 + self.lead
 
     def may_wait(self, wait, read):
         return self.least_wait(read) <= wait

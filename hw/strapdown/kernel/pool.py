@@ -127,6 +127,8 @@ class Pool:
         auto. None: False for one channel, auto for several.
     side_buses : int
         Number of result buses with a side memory, 1 to 3; 1 for one channel. Without a side memory there is none.
+    read_ranks : int
+        Register ranks from an address to the choice among the memories, 1 or 2; 1 for one channel. A block RAM has one.
 
     A memory style may also be given as its value, "auto", "distributed" or "block".
 
@@ -144,6 +146,7 @@ class Pool:
     horizontal: bool = False
     side_memory: MemoryStyle | bool | None = None
     side_buses: int = 1
+    read_ranks: int = 1
 
     def __post_init__(self):
         self._check_types()
@@ -170,10 +173,12 @@ class Pool:
             value = getattr(self, name)
             if not isinstance(value, bool) and not (value is None and name in SUITED):
                 raise TypeError(f"{name} must be True or False, not {value!r}")
-        if type(self.side_buses) is not int:
-            raise TypeError(f"side_buses must be a whole number, not {self.side_buses!r}")
-        if self.side_buses not in (1, 2, 3):
-            raise ValueError(f"side_buses must be from 1 to 3, not {self.side_buses!r}")
+        for name, most in ("side_buses", 3), ("read_ranks", 2):
+            value = getattr(self, name)
+            if type(value) is not int:
+                raise TypeError(f"{name} must be a whole number, not {value!r}")
+            if not 1 <= value <= most:
+                raise ValueError(f"{name} must be from 1 to {most}, not {value!r}")
         if self.side_memory is True:
             object.__setattr__(self, "side_memory", MemoryStyle.AUTO)
         for name, kinds in ("operand_memory", STYLES), ("microcode", STYLES), ("side_memory", f"False, {STYLES}"):

@@ -162,8 +162,8 @@ class StreamEngine(SystemComponent):
         m = Module()
         stages = self._stages()
         control = self._sequencer(m, stages)
-        restart = self._restart(m, control, stages)
-        self._banks(m, control, stages, restart)
+        due = self._restart(m, control, stages)
+        self._banks(m, control, stages, due)
         captured = self._inputs(m, control)
         word, write_main = self._word(m, control, stages)
         buses, condition = self._datapath(m, word, write_main, captured)
@@ -172,7 +172,7 @@ class StreamEngine(SystemComponent):
             self._watch_inputs(m, control, stages, word, buses)
         if condition is not None:
             self._conditions(m, control, word, buses, condition)
-        self._outputs(m, control, stages, buses, restart)
+        self._outputs(m, control, stages, buses, due)
         return m
 
     def _stages(self):
@@ -232,22 +232,20 @@ class StreamEngine(SystemComponent):
         return Control(cycle, coming, goes, slot, beginning, waiting, clearing, taken, upset, turn, commit, refuse)
 
     def _restart(self, m, control, stages):
-        """High at the end of an update after which the channel's state is that after a reset: it and those before it
-        were refused, and their inputs were all finite. The counts are in a memory."""
-        limit, channel, restart = self._system.restart_after, stages.channel[-1], Signal(name="restart")
+        """High at the end of an update if the channel's state is that after a reset, should the update be refused: so
+        were those before it, and their inputs were all finite. The counts are in a memory."""
+        limit, channel, due = self._system.restart_after, stages.channel[-1], Signal(name="due")
         if not limit:
-            return restart
+            return due
         m.submodules.refusals = refusals = Memory(shape=bits_for(limit), depth=self._program.channels, init=())
         before, after = refusals.read_port(domain="comb"), refusals.write_port()
-        counted = Signal(name="counted")
-        m.d.comb += [counted.eq(control.commit & control.refuse & ~stages.foreign[-1]),
-                     restart.eq(counted & (before.data == limit - 1)), before.addr.eq(channel),
+        m.d.comb += [before.addr.eq(channel), due.eq(~stages.foreign[-1] & (before.data == limit - 1)),
                      after.addr.eq(Mux(control.clearing, control.turn, channel)),
-                     after.data.eq(Mux(counted & ~restart, before.data + 1, 0)),
-                     after.en.eq(control.clearing | counted | control.commit & ~control.refuse)]
-        return restart
+                     after.data.eq(Mux(control.commit & control.refuse & ~due, before.data + 1, 0)),
+                     after.en.eq(control.clearing | control.commit & ~(control.refuse & stages.foreign[-1]))]
+        return due
 
-    def _banks(self, m, control, stages, restart):
+    def _banks(self, m, control, stages, due):
         """The bank of each channel, and whether its state is fresh, in a memory; each update carries what it needs of
         them from stage to stage."""
         number, channel = self.in_channel, stages.channel[-1]
@@ -260,7 +258,7 @@ class StreamEngine(SystemComponent):
         m.d.comb += [found.addr.eq(number), after.addr.eq(Mux(control.clearing, control.turn, channel)),
                      after.data.bank.eq((stages.bank[-1] ^ ~control.refuse) & ~control.clearing),
                      after.data.fresh.eq(control.clearing | control.refuse),
-                     after.en.eq(control.clearing | control.commit & (~control.refuse | restart))]
+                     after.en.eq(control.clearing | control.commit & (~control.refuse | due))]
         # While the counter waits, stages without an update are shifted repeatedly.
         with m.If(control.beginning):
             turned = ~control.turn if len(control.turn) == 1 else control.turn + 1
@@ -361,6 +359,10 @@ class StreamEngine(SystemComponent):
                     ports.append(from_side)
             m.d.comb += [port.addr.eq(fields.address) for port in ports]
             found = [port.data for port in ports]
+            for _ in range(1, pool.read_ranks):
+                ranks = [Signal.like(value, name="rank", reset_less=True) for value in found]
+                m.d.sync += [rank.eq(value) for rank, value in zip(ranks, found, strict=True)]
+                found = ranks
             for bit in fields.side if program.side_depths else []:
                 found = [low if high is None else Mux(bit, high, low)
                          for low, high in zip_longest(found[::2], found[1::2])]
@@ -445,7 +447,7 @@ class StreamEngine(SystemComponent):
             choice = Array([signs[node][age] for node, age in program.conditions])
             m.d.sync += condition.eq(choice[word.condition.index] ^ word.condition.negate)
 
-    def _outputs(self, m, control, stages, buses, restart):
+    def _outputs(self, m, control, stages, buses, due):
         """The end of an update: finish, channel, status and outputs."""
         schedule, graph = self._program.schedule, self._program.graph
         m.d.sync += getattr(self, self._system.finish).eq(control.commit)
@@ -456,7 +458,7 @@ class StreamEngine(SystemComponent):
         shown = [self.out_channel.eq(stages.channel[-1])]
         if self.status_names:
             status = {name: (kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated) & ~control.refuse
-                      for name, operand in graph.status.items()} | {REFUSED: control.refuse, RESTARTED: restart}
+                      for name, operand in graph.status.items()} | {REFUSED: control.refuse, RESTARTED: control.refuse & due}
             shown.append(getattr(self, self._system.status_port).eq(
                 Cat(status.get(name, C(0)) for name in self.status_names)))
         with m.If(control.commit):
