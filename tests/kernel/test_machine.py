@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from strapdown.cores import ATTITUDE_CORES, FLIGHT, THESIS, THESIS_COMPACT, THESIS_X8, make_core
+from strapdown.cores import ATTITUDE_CORES, FLIGHT, THESIS, THESIS_COMPACT, THESIS_FAST_X16, THESIS_X8, make_core
 from strapdown.cores.flight import ins_flight
 from strapdown.kernel.list_scheduler import list_schedule
 from strapdown.kernel.machine import Problem, StreamMachine, UpdateMachine
@@ -19,6 +19,36 @@ def test_with_a_side_memory_one_channel_reads_without_a_clock_edge(pool):
                                          r"with a side memory$"):
         UpdateMachine(pool)
     StreamMachine(replace(pool, forwarding=False))
+
+
+@pytest.mark.parametrize("field", ["side_buses", "read_ranks"])
+def test_one_channel_has_two_buses_and_memories_without_further_ranks(field):
+    with pytest.raises(ValueError, match=f"^{field} must be 1 for one channel, not 2$"):
+        UpdateMachine(Pool(side_memory=True, **{field: 2}))
+
+
+def test_each_pair_of_read_ports_but_the_first_has_a_side_bus():
+    machine = StreamMachine(THESIS_FAST_X16.pool)
+    assert {name: machine.links(unit) for name, unit in machine.unit.items()} == {
+        "adder_0": ("main", "side"), "adder_1": ("side", "main"), "multiplier_0": ("side2", "main"),
+        "multiplier_1": ("side3", "main"),
+        **dict.fromkeys(("table_reciprocal", "table_arctangent", "selector"), ("main",))}
+    assert StreamMachine(replace(machine.pool, side_memory=False)).side_buses == ()
+
+
+def test_what_has_no_read_ports_of_its_own_shares_those_of_the_more_plentiful_kind():
+    for config, host in (THESIS_FAST_X16, "adder_0"), (THESIS_X8, "multiplier_0"):
+        machine = StreamMachine(config.pool)
+        assert {machine.port(machine.unit[name]) for name in ("table_reciprocal", "table_arctangent", "selector", host)
+                } == {machine.unit[host].read_port}
+
+
+def test_a_rank_after_the_memories_delays_all_operands():
+    slow, fast = (StreamMachine(replace(THESIS_X8.pool, read_ranks=ranks)) for ranks in (2, 1))
+    assert (slow.lead, slow.first_issue) == (fast.lead + 1, fast.first_issue + 1)
+    graph = ATTITUDE_CORES["INS_top"](THESIS_X8).trace(THESIS_X8.pool)
+    reads = [Problem(graph, machine).lengths()["dependences"] for machine in (slow, fast)]
+    assert reads[0] > reads[1]
 
 
 def test_several_channels_do_without_forwarding():

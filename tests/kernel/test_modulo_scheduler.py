@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from strapdown.cores import QUATERNION_J3, THESIS_X8
+from strapdown.cores import THESIS_FAST_X16, THESIS_X8
 from strapdown.cores.attitude import ins_acc, ins_top
-from strapdown.cores.quaternion import quat_direct
 from strapdown.kernel.machine import Problem, StreamMachine
 from strapdown.kernel.modulo_scheduler import modulo_schedule
 from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector
@@ -124,8 +123,10 @@ def test_the_shortest_interval_is_found_again(small):
 
 
 def test_an_interval_without_a_schedule_is_refused():
-    # The multiplier would be busy in every cycle, and the two buses in all cycles but one.
-    graph = quat_direct(QUATERNION_J3).trace(POOL)
-    assert max(Problem(graph, MACHINE).intervals().values()) == 38
-    with pytest.raises(ValueError, match=r"^interval must be longer than 38: no schedule was found$"):
-        modulo_schedule(graph, MACHINE, 38)
+    # The four buses would be busy in all cycles but two.
+    pool = THESIS_FAST_X16.pool
+    graph, machine = ins_top(THESIS_FAST_X16).trace(pool), StreamMachine(pool)
+    bounds = Problem(graph, machine).intervals()
+    assert max(bounds.values()) == bounds["4 buses"] == 43
+    with pytest.raises(ValueError, match=r"^interval must be longer than 43: no schedule was found$"):
+        modulo_schedule(graph, machine, 43)

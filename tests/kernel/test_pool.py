@@ -111,6 +111,9 @@ def test_numbers_can_be_copied():
     ({"private_ports": None}, TypeError, "private_ports must be True or False, not None"),
     ({"horizontal": 1}, TypeError, "horizontal must be True or False, not 1"),
     ({"side_memory": 1}, ValueError, "side_memory must be False, auto, distributed or block, not 1"),
+    ({"side_buses": True}, TypeError, "side_buses must be a whole number, not True"),
+    ({"side_buses": 4}, ValueError, "side_buses must be from 1 to 3, not 4"),
+    ({"read_ranks": 0}, ValueError, "read_ranks must be from 1 to 2, not 0"),
     ({"operand_memory": "lut"}, ValueError, "operand_memory must be auto, distributed or block, not 'lut'"),
     ({"operand_memory": False}, ValueError, "operand_memory must be auto, distributed or block, not False"),
     ({"microcode": None}, ValueError, "microcode must be auto, distributed or block, not None")])

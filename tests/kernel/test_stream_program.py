@@ -1,6 +1,6 @@
 """The words of the ROM, run by an interpreter that was written from the documentation of ``StreamProgram`` alone."""
 
-from collections import namedtuple
+from collections import defaultdict, namedtuple
 
 import numpy as np
 import pytest
@@ -57,8 +57,8 @@ class Machine:
         self.units = {unit.name: unit for unit in program.units}
         self.coming, self.refreshed = {}, set()
         self.buses = {}
-        # The values read from all memories in the previous cycle.
-        self.operands = {(port, side): [0] * len(self.memories) for port in program.read_ports for side in "ab"}
+        # The values that all memories give, by port, side and the cycle in which they are chosen.
+        self.operands = defaultdict(lambda: [0] * len(self.memories))
 
     def run(self, begins):
         """Run cycle by cycle; ``begins`` has an Update or None for each start of an interval."""
@@ -106,7 +106,8 @@ class Machine:
             values = []
             for side in "ab":
                 fields = word[f"port{program.schedule.machine.port(unit)}"][side]
-                bits = self.operands[program.schedule.machine.port(unit), side][fields.get("side", 0)]
+                read = self.operands[program.schedule.machine.port(unit), side, cycle]
+                bits = read[fields.get("side", 0)]
                 values.append(FORMAT.from_bits(bits ^ fields["negate"] << FORMAT.width - 1))
             if name == "selector" and "condition" not in word:
                 result = values[0]
@@ -125,17 +126,18 @@ class Machine:
                     result = unit.operations[operation](*values[:meaning(operation).operands])
             self.coming[name, cycle + 1 + unit.latency] = FORMAT.to_bits(result)
         # No word is read and written in the same cycle, so the order does not matter.
-        read = set()
+        read, chosen = set(), cycle + program.schedule.pool.read_ranks
         for port in program.read_ports:
             for side in "ab":
                 fields = word.get(f"port{port}", {}).get(side, {})
                 if "address" in fields:
                     address = self.address(fields, cycle, begins)
                     if address is None:
-                        self.operands[port, side] = [0] * len(self.memories)
+                        self.operands[port, side, chosen] = [0] * len(self.memories)
                         continue
-                    self.operands[port, side] = [memory[address % len(memory)] for memory in self.memories.values()]
-                    following = program.words[(cycle + 1) % program.length][f"port{port}"][side]
+                    self.operands[port, side, chosen] = [
+                        memory[address % len(memory)] for memory in self.memories.values()]
+                    following = program.words[chosen % program.length][f"port{port}"][side]
                     read.add(([*self.memories][following.get("side", 0)], address))
         for name, memory in self.memories.items():
             if name in word:
