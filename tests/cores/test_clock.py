@@ -75,7 +75,7 @@ def test_a_core_that_never_sees_a_reset_works(timed):
 def test_the_first_start_that_is_taken(timed):
     core, model, stimulus = timed
     edges = release(core)
-    assert edges == (3 if core.engine.channels == 1 else 2 + len(core.engine.program.constants))
+    assert edges == (3 if core.engine.channels == 1 else 4 + len(core.engine.program.constants))
     for end in 0, 700:
         for waits in range(edges + 1):
             rows = {name: np.array(values[:end + 3 * core.latency]) for name, values in stimulus.items()}
