@@ -193,11 +193,11 @@ class StreamMachine(Machine):
 
     Every result goes over a bus to the memory of that bus. State words go over the main bus. They need no steps to be
     read, because they are in its memory. Inputs are registered for one interval. An operand's address is needed
-    ``read_ranks`` cycles before the operand. Conditions are kept in separate registers. If the pool has private ports, each adder and
-    each multiplier has its own pair of read ports, and all other units share the first pair of the kind that has more
-    units. With side memories, the units of each pair but the first have a side bus, in turn, for results that are not
-    state words. The adder or multiplier of the first pair prefers the main bus to that of the second pair. The results
-    of all other units go over the main bus, and inputs over the last side bus.
+    ``read_ranks`` cycles before the operand. Conditions are kept in separate registers. If the pool has private ports,
+    each adder and each multiplier has its own pair of read ports, and all other units share the first pair of the kind
+    that has more units. With side memories, the units of each pair but the first have a side bus, in turn, for results
+    that are not state words. The adder or multiplier of the first pair prefers the main bus to that of the second pair.
+    The results of all other units go over the main bus, and inputs over the last side bus.
 
     Raises: ValueError for a pool that forwards results.
     """

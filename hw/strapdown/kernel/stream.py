@@ -345,9 +345,9 @@ class StreamEngine(SystemComponent):
         program, pool = self._program, self._program.schedule.pool
         m.submodules.main_memory = main = memory(program, program.depth, pool.operand_memory)
         memories = {"main": (main, write_main)}
-        for bus, depth in program.side_depths.items():
-            m.submodules[f"{bus}_memory"] = aside = memory(program, depth, pool.side_memory)
-            memories[bus] = aside, word[bus].enable
+        for name, depth in program.side_depths.items():
+            m.submodules[f"{name}_memory"] = aside = memory(program, depth, pool.side_memory)
+            memories[name] = aside, word[name].enable
 
         def fetch(fields):
             ports = []
@@ -458,7 +458,8 @@ class StreamEngine(SystemComponent):
         shown = [self.out_channel.eq(stages.channel[-1])]
         if self.status_names:
             status = {name: (kept(operand.node, lambda bus: bus.sign, name) ^ operand.negated) & ~control.refuse
-                      for name, operand in graph.status.items()} | {REFUSED: control.refuse, RESTARTED: control.refuse & due}
+                      for name, operand in graph.status.items()}
+            status |= {REFUSED: control.refuse, RESTARTED: control.refuse & due}
             shown.append(getattr(self, self._system.status_port).eq(
                 Cat(status.get(name, C(0)) for name in self.status_names)))
         with m.If(control.commit):
