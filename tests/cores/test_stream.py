@@ -12,7 +12,9 @@ from strapdown.cores import (
     FLIGHT,
     QUATERNION_J3,
     THESIS,
+    THESIS_FAST_X16,
     THESIS_X8,
+    THESIS_X64,
     Core,
     main_module,
     make_core,
@@ -170,13 +172,14 @@ def test_differing_bits_are_counted(model):
     assert model.differing_bits(inputs, result) >= 1
 
 
-# With next-state values that are read again, a ROM in block RAM, and results that are kept for several intervals.
-STREAMED = {"flight": (FLIGHT.replace(channels=8), 358), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38)}
+# With next-state values that are read again, and results that are kept for several intervals; with four buses.
+STREAMED = {"flight": (FLIGHT.replace(channels=8), 358), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38),
+            "thesis_x64": (THESIS_X64, 67), "thesis_fast_x16": (THESIS_FAST_X16, 43)}
 
 
 @pytest.fixture(scope="module", params=STREAMED)
 def streamed(request, tmp_path_factory, models):
-    """A configuration for eight channels, its model, and the bound of its interval."""
+    """A configuration for several channels, its model, and the bound of its interval."""
     config, bound = STREAMED[request.param]
     core = make_core(main_module(config), config)
     verilog = write_core(core, config, tmp_path_factory.mktemp(request.param), "")

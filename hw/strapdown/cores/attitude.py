@@ -1,4 +1,4 @@
-"""The complementary attitude filter of the 2015 thesis: INS_acc to INS_top, and INS_top_x8 for eight IMUs."""
+"""The complementary attitude filter of the 2015 thesis: INS_acc to INS_top, and INS_top_x8 to INS_top_x64."""
 
 from typing import ClassVar
 

@@ -174,6 +174,12 @@ class _Channels(_Edge):
         """High in the cycle before an interval, or while the engine waits for a sample."""
         return s["beginning"] & (s["cycle"] == 0)
 
+    def after(self, s):
+        """The counter of the next edge at which the engine does not wait."""
+        counter = s["cycle"]
+        following = Mux(counter == self.interval - 1, 0, counter + 1)[:len(counter)]
+        return s.get("ahead", following), following
+
 
 class ChannelRecovery(_Channels):
     """From any contents of the registers a channel is soon free, and then ready, whatever the other channels do.
@@ -184,7 +190,8 @@ class ChannelRecovery(_Channels):
     - to the time at which the channel is free, an interval for each stage that its update still passes: at most
       ``latency + interval``;
     - to the time at which the engine is primed. Until then it takes no sample, ends the updates in flight, and then
-      writes its constants to the memory, one per cycle: at most ``latency + 2 * interval``, and the constants.
+      writes its constants to the memory, one per cycle, and marks the channels as fresh: at most
+      ``latency + 2 * interval``, and the constants or channels.
 
     At the beginning of an interval an engine that is primed is ready for a channel that is free.
     """
@@ -192,15 +199,16 @@ class ChannelRecovery(_Channels):
     def channel_claims(self, m, s, updates, own, offered, taken):
         engine, interval, counter, turn = self.engine, self.interval, s["cycle"], s["turn"]
         # A counter beyond the interval continues to its greatest code. One that waits elsewhere goes on an edge later.
-        onward = Mux(counter < interval, interval, 1 << len(counter)) - counter + s["beginning"]
-        beginning = Mux(counter == 0, Mux(s["beginning"], 0, interval), onward).as_unsigned()
+        after, _ = self.after(s)
+        onward = Mux(after == 0, 0, Mux(after < interval, interval, 1 << len(counter)) - after)
+        beginning = Mux(self.at_beginning(s), 0, 1 + onward + s["beginning"]).as_unsigned()
 
         def free(stages):
             passes = reduce(lambda rest, stage: Mux(stages[stage], self.stages - 1 - stage, rest),
                             reversed(range(self.stages)), Const(0))
             return Mux(Cat(stages).any(), 1 + beginning + passes * interval, 0)
 
-        last = max(len(engine.program.constants), 1) - 1
+        last = max(len(engine.program.constants), engine.channels) - 1
         turns, constants = 1 << len(turn), (last - turn)[:len(turn)]
         writing = Mux(Cat(updates).any(), free(updates) + interval + turns, beginning + 1 + constants)
         claims = [s["beginning"] == (counter == 0), implies(before(m, free(own) == 0) & ~taken, free(own) == 0),
@@ -218,7 +226,7 @@ class ChannelTiming(_Channels):
     channel.
 
     The counters are in step if they are those of one cycle of the interval. The beginning of an interval brings them
-    in step, and they remain so. With them in step, the edge that takes a sample leads to an update with ``latency``
+    in step, if that of the ROM's address is, and they remain so. With them in step, the edge that takes a sample leads to an update with ``latency``
     remaining edges. Each edge leads to one less, and the finish is high with the channel when none remains.
     Without a sample, an engine in which no update is in flight remains ready.
     """
@@ -228,8 +236,9 @@ class ChannelTiming(_Channels):
         counter, slot = s["cycle"], s["slot"]
         follows = counter == Mux(slot == self.interval - 1, 0, slot + 1)
         waits = (counter == 0) & (slot == 0) & ~in_flight
+        after, following = self.after(s)
         return ((slot < self.interval) & (s["check"] == slot) & (s["beginning"] == (counter == 0))
-                & (follows | waits))
+                & (follows | waits) & (after == following))
 
     def channel_claims(self, m, s, updates, own, offered, taken):
         latency, free, in_flight = self.engine.latency, ~Cat(own).any(), Cat(updates).any()
@@ -240,8 +249,10 @@ class ChannelTiming(_Channels):
         timely = in_step & single & (cycle < latency)
         earlier, was_timely = before(m, remaining), before(m, timely)
         finishes = self.finish & (self.engine.out_channel == self.channel)
-        rests = self.at_beginning(s) & ~in_flight
-        return [implies(before(m, in_step | self.at_beginning(s)), in_step),
+        after, following = self.after(s)
+        begins = self.at_beginning(s) & (after == following)
+        rests = begins & ~in_flight
+        return [implies(before(m, in_step | begins), in_step),
                 implies(in_step & free, timely),
                 implies(was_timely, timely & (finishes == (earlier == 1))),
                 implies(was_timely, remaining == Mux(taken, latency, Mux(earlier == 0, 0, earlier - 1))),
