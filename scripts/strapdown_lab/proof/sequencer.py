@@ -226,9 +226,9 @@ class ChannelTiming(_Channels):
     channel.
 
     The counters are in step if they are those of one cycle of the interval. The beginning of an interval brings them
-    in step, if that of the ROM's address is, and they remain so. With them in step, the edge that takes a sample leads to an update with ``latency``
-    remaining edges. Each edge leads to one less, and the finish is high with the channel when none remains.
-    Without a sample, an engine in which no update is in flight remains ready.
+    in step, if that of the ROM's address is, and they remain so. With them in step, the edge that takes a sample leads
+    to an update with ``latency`` remaining edges. Each edge leads to one less, and the finish is high with the channel
+    when none remains. Without a sample, an engine in which no update is in flight remains ready.
     """
 
     def in_step(self, s, in_flight):
