@@ -441,7 +441,8 @@ class StreamProgram(Program):
     the low bits of the address: the engine reads this constant if the state is fresh. In one cycle of an interval the
     engine writes a constant, in each interval the next one.
     A value that is needed for longer than an interval has two addresses, for alternate updates, or a higher power of
-    two.
+    two. Each side bus has a memory for values of updates only. An operand's address goes to all memories; the word of
+    its step says which one it comes from, by its number in ``depths``.
 
     Parameters
     ----------

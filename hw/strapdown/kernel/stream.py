@@ -63,7 +63,8 @@ class StreamEngine(SystemComponent):
     After ``system.restart_after`` updates of a channel that were refused although every input was finite, the channel's
     next update starts from the reset state.
     Memory: the engine writes the constants and reset values, one in each interval, and one per cycle while no update is
-    in flight. Nothing else is read before it was written.
+    in flight. The bank of each channel and the count of its refusals are in memories, which a reset fills, one channel
+    per cycle. Nothing else is read before it was written.
     Upsets: if the counter of the interval is wrong, all updates in flight are refused. An update is also refused if its
     channel, bank or freshness does not have the parity that it had when the sample was taken. A channel is busy only if
     a stage is valid and has its number. At each start of an interval the stages move on, and the last one ends. So from
