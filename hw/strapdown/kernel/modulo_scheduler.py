@@ -23,7 +23,7 @@ def modulo_schedule(graph: Graph, machine: Machine, interval: int | None = None)
     several cycles start on a grid, for which ports and bus are reserved, so that their idle cycles are not scattered.
     In one cycle of the interval the main bus stays free: the engine writes a constant. This is repeated from priorities
     with small random changes, with other grids and other free cycles, the same in every run. The schedule with the
-    fewest stages is chosen; among these, the one that keeps the least in the side memory. If no attempt succeeds, all
+    fewest stages is chosen; among these, the one that keeps the least in side memories. If no attempt succeeds, all
     are repeated thoroughly: with reservations that end with the last operation on a unit, and with more searches.
 
     Parameters
