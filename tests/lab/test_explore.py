@@ -45,8 +45,9 @@ def quaternion_grid(**options):
 
 def test_axes_are_the_parameters_of_useful_operators():
     axes = quaternion_grid().axes
+    # More buses and ranks are for several channels.
     assert set(Pool().parameters) - set(axes) == {"dividers", "divider_bits_per_cycle", "arctangents",
-                                                  "arctangent_steps_per_cycle"}
+                                                  "arctangent_steps_per_cycle", "side_buses", "read_ranks"}
     assert axes["adders"] == (1, 2, 3)
     assert axes["adder_latency"] == tuple(range(1, len(FpAdd.PIPELINE.cuts) + 1))
     # One of many latencies: from the least to the greatest, which is the default.
