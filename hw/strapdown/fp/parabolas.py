@@ -1,7 +1,8 @@
 """Functions by tables of parabolas: the coefficients, in integers, and the parts of a circuit that evaluates them."""
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from amaranth import *
@@ -33,7 +34,8 @@ def reciprocal_value(numerator: int, denominator: int) -> int:
     return (denominator << SCALE) // numerator
 
 
-class Parabolas(NamedTuple):
+@dataclass(frozen=True)
+class Parabolas:
     """A table of parabolas, its twin, and its circuit.
 
     Attributes
@@ -61,6 +63,11 @@ class Parabolas(NamedTuple):
                   for value, bits in zip((c0 + (1 << SCALE - result_bits - 1), c1, c2), fraction_bits, strict=True))
             for c0, c1, c2 in coefficients), fraction_bits, offset_bits)
 
+    @cached_property
+    def _columns(self):
+        """c0, c1 and c2 of all intervals, as arrays."""
+        return tuple(np.array(column) for column in zip(*self.rows, strict=True))
+
     @property
     def _slope_shift(self):
         """c2 t has so many more fraction bits than c1."""
@@ -73,7 +80,7 @@ class Parabolas(NamedTuple):
 
     def compute(self, index, place, result_bits):
         """The twin: values with ``result_bits`` fraction bits, for arrays of integers."""
-        c0, c1, c2 = (np.array(column)[index] for column in zip(*self.rows, strict=True))
+        c0, c1, c2 = (column[index] for column in self._columns)
         t = place - (1 << self.offset_bits - 1)
         slope = (c1 << self._slope_shift) + c2 * t + (1 << self._slope_shift - 1) >> self._slope_shift
         return (c0 << self.value_bits - self.fraction_bits[0]) + slope * t >> self.value_bits - result_bits
