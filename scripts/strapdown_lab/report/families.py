@@ -17,9 +17,6 @@ from .measure import core_circuit, cycles_of
 
 __all__ = ["Variant", "circuit", "family_lines", "family_table", "measure_families", "variants"]
 
-# In binary64 a core takes a quarter of an hour to route.
-UNPLACED = {"sins", "sins_damped"}
-
 
 @dataclass(frozen=True)
 class Variant:
@@ -33,9 +30,8 @@ class Variant:
         return [family for family in chosen if not (self.in_block and family.lut_ram)]
 
     def routed(self, family: Family) -> bool:
-        """False if that takes too long, or if the operand memory would be flip-flops."""
-        return self.config.name not in UNPLACED and (
-            family.lut_ram or self.config.engine_pool.operand_memory is MemoryStyle.BLOCK)
+        """False if the operand memory would be flip-flops."""
+        return family.lut_ram or self.config.engine_pool.operand_memory is MemoryStyle.BLOCK
 
 
 def variants() -> Iterator[Variant]:
