@@ -148,7 +148,7 @@ class Config(BaseModel):
     operand_memory: Style = Field(
         default=None, description="kind of the operand memory: auto, distributed or block; None: as in pool")
     side_memory: OptionalStyle = Field(
-        default=None, description="kind of the memory of the second result bus, or none; None: as in pool")
+        default=None, description="kind of the memories of the side buses, or none; None: as in pool")
     microcode: Style = Field(
         default=None, description="kind of the ROM: auto, distributed or block; None: as in pool")
 

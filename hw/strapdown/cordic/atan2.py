@@ -73,7 +73,8 @@ class CordicAtan2(CordicComponent):
     Special values: the angle follows C99 for signed zeros and infinities, with every multiple of
     pi/4 correctly rounded; a NaN operand gives the format's NaN. The length follows hypot: it is
     infinite if an operand is infinite, even if the other is NaN, and exact if one operand is zero.
-    Raises: TypeError if ``format`` is not a FloatFormat; ValueError for unusable numbers.
+    Raises: TypeError if ``format`` is not a FloatFormat; ValueError for unusable numbers, and for
+    ``registered_addends`` in a pipeline or with several steps per cycle.
     Source: Volder 1959, The CORDIC trigonometric computing technique; Walther 1971, A unified
     algorithm for elementary functions; ISO/IEC 9899:1999, F.9.1.4 and F.9.4.3.
     """

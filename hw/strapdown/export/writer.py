@@ -110,7 +110,7 @@ class _Writer:
         self.lines += [f"{' ' * indent}//   {line}" for line in more]
 
     def block(self, comment):
-        self.lines += ["", f"  // {comment}"]
+        self.lines += ["", *wrap(comment, COMMENT_LENGTH, initial_indent="  // ", subsequent_indent="  //   ")]
 
     def text(self):
         circuit = self.circuit

@@ -359,7 +359,8 @@ class FpDivide(DigitRecurrence):
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
     looks_ahead : bool or None
         True: every other bit of a cycle does not wait for the one before it, for a higher clock frequency. It takes two
-        more adders for each pair of bits. None means True for formats longer than binary32.
+        more adders for each pair of bits; with one bit per cycle only the path of the exponent is shorter. None means
+        True for formats longer than binary32.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -419,7 +420,8 @@ class FpSquareRoot(DigitRecurrence):
         False: a pipeline, one operation per cycle. True: one operation at a time, small.
     looks_ahead : bool or None
         True: every other bit of a cycle does not wait for the one before it, for a higher clock frequency. It takes two
-        more adders for each pair of bits. None means True for formats longer than binary32.
+        more adders for each pair of bits; with one bit per cycle only the path of the exponent is shorter. None means
+        True for formats longer than binary32.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool
@@ -481,7 +483,8 @@ class FpDivideSquareRoot(DigitRecurrence):
         Result bits per cycle, 1 to the format's precision plus one.
     looks_ahead : bool or None
         True: every other bit of a cycle does not wait for the one before it, for a higher clock frequency. It takes two
-        more adders for each pair of bits. None means True for formats longer than binary32.
+        more adders for each pair of bits; with one bit per cycle only the path of the exponent is shorter. None means
+        True for formats longer than binary32.
     rounding : Rounding
         Direction of rounding, or its value.
     flags : bool

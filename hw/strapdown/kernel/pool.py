@@ -93,7 +93,8 @@ SELDOM = {"horizontal": False, "side_buses": 1, "read_ranks": 1, "adder_dsp_shif
 """Maps parameters of a Pool that few configurations set to their defaults: a configuration lists other values only."""
 
 RESERVED = {"input", "other", "bus", "memory", "side", "side2", "side3", "main", "operands", "signs", "microcode",
-            "main_memory", "side_memory", "side2_memory", "side3_memory", "bank", "fresh", "current", "refusals"}
+            "constant", "constants", "main_memory", "side_memory", "side2_memory", "side3_memory", "bank", "fresh",
+            "current", "refusals"}
 """Names beside those of units in the engines: sources of operands and results, buses, memories and state."""
 
 
@@ -123,8 +124,8 @@ class Pool:
         results that are zero in all other cycles. This takes fewer LUTs, but more flip-flops and a wider ROM. No result
         is registered on the way to the bus if its operator can be quiet.
     side_memory : MemoryStyle, bool or None
-        The kind of the memory of a second result bus, for results of adders and multipliers; False for one bus. True:
-        auto. None: False for one channel, auto for several.
+        The kind of the memories of the side buses, for results of adders and multipliers and, with several channels,
+        for inputs; False for one bus. True: auto. None: False for one channel, auto for several.
     side_buses : int
         Number of result buses with a side memory, 1 to 3; 1 for one channel. Without a side memory there is none.
     read_ranks : int

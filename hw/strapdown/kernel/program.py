@@ -561,7 +561,7 @@ class StreamProgram(Program):
 
     @property
     def _operand_layout(self):
-        return data.StructLayout({"address": exact_log2(self.depth), "kind": self._kind,
+        return data.StructLayout({"address": exact_log2(max(self.depths.values())), "kind": self._kind,
                                   **({"side": bits_for(len(self.side_depths))} if self.side_depths else {}),
                                   "negate": 1})
 

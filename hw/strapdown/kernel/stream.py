@@ -95,8 +95,8 @@ class StreamEngine(SystemComponent):
 
     @property
     def recovery(self):
-        """Cycles after a reset in which nothing is taken: the microprogram is read, then each writes a constant and
-        marks a channel as fresh."""
+        """Cycles after a reset in which nothing is taken: first the microprogram is read; then each cycle writes a
+        constant and marks a channel as fresh."""
         return self._filling + self._refreshes
 
     @property
@@ -233,8 +233,8 @@ class StreamEngine(SystemComponent):
         return Control(cycle, coming, goes, slot, beginning, waiting, clearing, taken, upset, turn, commit, refuse)
 
     def _restart(self, m, control, stages):
-        """High at the end of an update if the channel's state is that after a reset, should the update be refused: so
-        were those before it, and their inputs were all finite. The counts are in a memory."""
+        """High if a refusal now would be the last of the limit with finite inputs: the channel then starts from its
+        reset state. The counts are in a memory."""
         limit, channel, due = self._system.restart_after, stages.channel[-1], Signal(name="due")
         if not limit:
             return due
@@ -355,7 +355,7 @@ class StreamEngine(SystemComponent):
             for name, (each, _) in memories.items():
                 if name == "main":
                     ports.append(each.read_port())
-                else:
+                else:  # Amaranth calls the signals of the port after this variable.
                     from_side = each.read_port()
                     ports.append(from_side)
             m.d.comb += [port.addr.eq(fields.address) for port in ports]

@@ -40,7 +40,7 @@ def estimate(plan: dict[str, Any], units: dict[str, dict[str, Any]]) -> dict[str
     lut += width * (copies * _mux(plan["operand_sources"]) + sum(map(_mux, plan["bus_sources"]))
                     + _mux(plan["other_sources"]) + -(-max(plan["met_sources"] - 1, 0) // OF_OR))
     bram = sum(unit["bram"] for unit in taken)
-    for style, depth in (plan["memory"], plan["depth"]), (plan["side"], plan["side_depth"]):
+    for style, depth in (plan["memory"], plan["depth"]), *((plan["side"], depth) for depth in plan["side_depths"]):
         if style == "block":
             bram += copies * _blocks(width, depth)
         elif style:

@@ -69,7 +69,7 @@ def _figures(module, config):
         "met_sources": len(program.units) + len(program.graph.inputs) + 1 if pool.horizontal else 0,
         "memory": pool.operand_memory.value, "depth": program.depth,
         "side": pool.side_memory.value if program.side_depths else None,
-        "side_depth": sum(program.side_depths.values()),
+        "side_depths": [*program.side_depths.values()],
         "microcode": pool.microcode.value, "words": program.length, "word_bits": program.layout.size}
 
 
