@@ -18,7 +18,7 @@ from strapdown.kernel.operators import (
     TableReciprocal,
 )
 from strapdown.kernel.pool import MemoryStyle, Pool
-from strapdown.kernel.system import System, leaves, matrix, vector
+from strapdown.kernel.system import System, matrix, vector
 
 __all__ = ["ATTITUDE_CORES", "AttitudeConfig", "MAHONY", "THESIS", "THESIS_COMPACT", "THESIS_FAST", "THESIS_FAST_X16",
            "THESIS_X64", "THESIS_X8"]
@@ -184,7 +184,6 @@ def ins_top(config):
     rows = matrix("c{}")
     if fewest:
         rows = tuple((row[0], row[-1]) for row in rows)
-    reset = ("sa", "sb", "c11", "c22", "c33")
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
         kernels=KERNELS, meanings=MEANINGS | config.input_meanings,
@@ -193,7 +192,7 @@ def ins_top(config):
         inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}"), **config.gain_ports},
         outputs={"c": matrix("out_c{}"), "angles": vector("out_{}", ("pitch", "roll", "yaw"))},
         state={"s": vector("s{}", ("a", "b", "d1", "d2")), "c": rows, "i": vector("i{}")},
-        reset=dict.fromkeys((word for word in reset if word in leaves((rows, "sa", "sb"))), 1.0),
+        reset=dict.fromkeys(("sa", "sb", "c11", *(() if fewest else ("c22",)), "c33"), 1.0),
         status=("accelerometer_missing", "magnetometer_missing", "tilt_reversed", "heading_reversed"),
         status_port="out_status",
         status_order=("accelerometer_missing", "magnetometer_missing", "refused", "ignored", "restarted",

@@ -159,12 +159,11 @@ class FpAdd(RoundedOperator):
         total = Signal(fmt.precision + 4)
         if self._dsp_shifts:
             m.d.comb += total.eq(Cat(s.opposite.replicate(3), s.larger, s.opposite) + s.smaller)
+            s = rank("sum", **pick(s, classes, numbers), total=total)
+            total = s.total
         else:
             larger = Cat(C(0, 3), s.larger, C(0, 1))
             m.d.comb += total.eq(s.smaller + (larger ^ s.opposite.replicate(len(total))))
-        if self._dsp_shifts:
-            s = rank("sum", **pick(s, classes, numbers), total=total)
-            total = s.total
         magnitude = Signal.like(total)
         m.d.comb += magnitude.eq(total ^ (s.opposite & total[-1]).replicate(len(total)))
         lacks_unit = s.opposite & ~total[-1]

@@ -11,7 +11,7 @@ from strapdown.component import Described
 
 from . import exact
 from .pipeline import Ranks, pick
-from .rounding import Rounding, flags_member
+from .rounding import Rounded, Rounding, flags_member
 from .stages import FINE_LEVELS, NARROW, align_subnormal, normalised, round_and_pack, unpack
 
 __all__ = ["FpDivide", "FpSquareRoot", "FpDivideSquareRoot"]
@@ -20,7 +20,7 @@ CLASSES = "sign", "is_nan", "is_infinite", "is_zero"
 RAISED = "invalid", "divide_by_zero"
 
 
-class DigitRecurrence(Described):
+class DigitRecurrence(Rounded, Described):
     """Base of the digit recurrences: one result bit in each step, pipelined or iterative.
 
     This class has the non-restoring recurrence for quotients and roots; a subclass may have another.
@@ -56,16 +56,6 @@ class DigitRecurrence(Described):
         super().__init__({**{name: In(shape) for name, shape in operands.items()}, "start": In(1),
                           "result": Out(format.layout), "done": Out(1),
                           **{name: Out(shape) for name, shape in flags_member(flags).items()}})
-
-    @property
-    def format(self):
-        """Format of operands and result."""
-        return self._format
-
-    @property
-    def rounding(self):
-        """Direction of rounding."""
-        return self._rounding
 
     @property
     def bits_per_cycle(self):

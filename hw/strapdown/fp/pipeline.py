@@ -9,7 +9,7 @@ from amaranth.lib.wiring import In, Out
 
 from strapdown.component import Described
 
-from .rounding import Rounding, flags_member
+from .rounding import Rounded, Rounding, flags_member
 
 __all__ = ["Pipeline", "PipelinedOperator", "Ranks", "RoundedOperator", "pick"]
 
@@ -92,7 +92,7 @@ class PipelinedOperator(Described):
                      quiet=self._quiet)
 
 
-class RoundedOperator(PipelinedOperator):
+class RoundedOperator(Rounded, PipelinedOperator):
     """Base of the pipelined operators whose result is a rounded number of the format of their operands.
 
     Parameters
@@ -121,16 +121,6 @@ class RoundedOperator(PipelinedOperator):
         self._flags = bool(flags)
         super().__init__(operands, {"result": format.layout, **flags_member(flags)}, latency=latency,
                          pipeline=self.GRADUAL_PIPELINE if format.gradual else pipeline, quiet=quiet)
-
-    @property
-    def format(self):
-        """Format of operands and result."""
-        return self._format
-
-    @property
-    def rounding(self):
-        """Direction of rounding."""
-        return self._rounding
 
 
 class Ranks:

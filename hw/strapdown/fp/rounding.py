@@ -5,7 +5,7 @@ import enum
 import numpy as np
 from amaranth.lib import data
 
-__all__ = ["Rounding", "Flags", "FLAGS"]
+__all__ = ["Rounded", "Rounding", "Flags", "FLAGS"]
 
 
 class Rounding(enum.Enum):
@@ -43,6 +43,20 @@ class Rounding(enum.Enum):
                 return (guard | sticky) & ~sign
             case Rounding.DOWNWARD:
                 return (guard | sticky) & sign
+
+
+class Rounded:
+    """An operator with rounded results in the format of its operands; it sets ``_format`` and ``_rounding``."""
+
+    @property
+    def format(self):
+        """Format of operands and result."""
+        return self._format
+
+    @property
+    def rounding(self):
+        """Direction of rounding."""
+        return self._rounding
 
 
 class Flags(enum.IntFlag):
