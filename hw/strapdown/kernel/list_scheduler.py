@@ -1,12 +1,11 @@
 """The shortest schedule of one update: list scheduling."""
 
 import random
-from collections.abc import Hashable
-from dataclasses import replace
 from heapq import heapify, heappop, heappush
 from itertools import accumulate
+from typing import NamedTuple
 
-from .machine import Machine, Problem, kept, reads
+from .machine import BUSES, Machine, Problem, kept, reads
 from .schedule import Schedule, Step
 from .trace import Graph, Node
 
@@ -40,11 +39,10 @@ def list_schedule(graph: Graph, machine: Machine) -> Schedule:
     best = None
     for attempt in range(ATTEMPTS):
         spread = 0.3 * attempt / ATTEMPTS
-        places = table.pack({chain: -table.to_go[chain[0]] * (1 + rng.uniform(-spread, spread))
-                             for chain in table.chains})
+        places = table.pack([-table.to_go[chain[0]] * (1 + rng.uniform(-spread, spread)) for chain in table.chains])
         for _ in range(ROUNDS):
-            late = table.pack({chain: -places[chain[-1]].write for chain in table.chains}, late=True)
-            shorter = table.pack({chain: late[chain[0]].issue for chain in table.chains})
+            late = table.pack([-places[chain[-1]].write for chain in table.chains], late=True)
+            shorter = table.pack([late[chain[0]].issue for chain in table.chains])
             if _length(shorter) >= _length(places):
                 break
             places = shorter
@@ -53,7 +51,7 @@ def list_schedule(graph: Graph, machine: Machine) -> Schedule:
         if _length(best) <= bound:
             break
     assert best is not None
-    result = Schedule(graph, machine, tuple(sorted(_stored(graph, machine, best), key=lambda step: step.issue)))
+    result = Schedule(graph, machine, tuple(sorted(_steps(graph, machine, best), key=lambda step: step.issue)))
     result.verify()
     return result
 
@@ -68,42 +66,77 @@ ROUNDS = 20
 """Greatest number of justifications in an attempt; about five are usual."""
 
 
+class _Place(NamedTuple):
+    """A node in time: the fields of its Step. The first cycle may have any number."""
+
+    unit: str
+    issue: int
+    write: int
+    bus: str
+
+
 def _length(places):
-    return 1 + max(step.write for step in places.values()) - min(step.issue for step in places.values())
+    return 1 + max(place.write for place in places.values()) - min(place.issue for place in places.values())
 
 
-def _stored(graph, machine, places):
+def _steps(graph, machine, places):
     """The steps. A result is stored only if a reader takes it from memory, or if the readers could hide that it is
     not finite; constants are finite."""
     stored = kept(graph)
-    for step in places.values():
-        for read in reads(step.node):
-            hides = not step.node.spreads and read.node.operation != "constant"
-            if read.node in places and (hides or not machine.forwards(step.issue - places[read.node].write, read)):
+    for node, place in places.items():
+        for read in reads(node):
+            hides = not node.spreads and read.node.operation != "constant"
+            if read.node in places and (hides or not machine.forwards(place.issue - places[read.node].write, read)):
                 stored.add(read.node)
-    return [replace(step, stored=step.node in stored) for step in places.values()]
+    # The address of the first operand is needed before the cycle in which the operand is fetched.
+    first = min(place.issue for place in places.values()) - machine.lead
+    return [Step(node, place.unit, place.issue - first, place.write - first, node in stored, place.bus)
+            for node, place in places.items()]
 
 
 Chain = tuple[Node, ...]
+_Link = tuple[int, Node, int, int]
 
 
 class _Table(Problem):
-    """A graph whose nodes are joined into chains, and the reservation tables in which they are placed."""
+    """A graph whose nodes are joined into chains, and the reservation tables in which they are placed.
+
+    Chains have numbers, and what ``pack`` asks of a chain is in lists: it places all chains some thousand times.
+    """
 
     def __init__(self, graph, machine):
         super().__init__(graph, machine)
         self.chains = self._chains()
-        self.chain_of = {node: chain for chain in self.chains for node in chain}
-        self.number = {chain: index for index, chain in enumerate(self.chains)}
+        number = {node: index for index, chain in enumerate(self.chains) for node in chain}
         self.ahead, self.behind = (
-            {chain: {self.chain_of[other] for node in chain for other, _ in edges[node]} - {chain}
-             for chain in self.chains} for edges in (self.operands, self.readers))
-        # Each node with its issue relative to that of the first node; cycles to the last result.
-        self.offsets: dict[Chain, list[tuple[Node, int]]] = {}
-        self.span: dict[Chain, int] = {}
-        for chain in self.chains:
+            [{number[other] for node in chain for other, _ in edges[node]} - {index}
+             for index, chain in enumerate(self.chains)] for edges in (self.operands, self.readers))
+        self.span = [sum(self.delay[node] for node in chain) for chain in self.chains]
+        # Each node with its issue relative to that of the first node, and the names of its units.
+        self.stages: list[list[tuple[Node, int, list[str]]]] = []
+        # (cycle relative to the first issue, node of another chain, least wait, waits that are not allowed, one bit
+        # for each) of the operands, counted from the issue, and of the readers, counted from the result.
+        self.sources: list[list[_Link]] = []
+        self.targets: list[list[_Link]] = []
+        for index, chain in enumerate(self.chains):
             ends = [0, *accumulate(self.delay[node] for node in chain)]
-            self.offsets[chain], self.span[chain] = list(zip(chain, ends, strict=False)), ends[-1]
+            self.stages.append([(node, offset, [unit.name for unit in self.units[node]])
+                                for node, offset in zip(chain, ends, strict=False)])
+            for links, edges, offsets in (self.sources, self.operands, ends), (self.targets, self.readers, ends[1:]):
+                links.append([(offset, other, machine.least_wait(read), self._gaps(read))
+                              for node, offset in zip(chain, offsets, strict=False) for other, read in edges[node]
+                              if number[other] != index])
+        units = machine.pool.units
+        self.sharing = {unit.name: [other.name for other in units if machine.port(other) == machine.port(unit)]
+                        for unit in units}
+        # Cycles around a start in which the unit cannot start, one bit for each, and how many of them are before it.
+        self.near = {unit.name: ((1 << 2 * unit.interval - 1) - 1, unit.interval - 1) for unit in units}
+
+    def _gaps(self, read):
+        """Waits that are not allowed, though they are not the shortest, one bit for each."""
+        machine = self.machine
+        return sum(1 << wait for wait in range(machine.least_wait(read), machine.pool.memory_delay)
+                   if not machine.may_wait(wait, read))
 
     def _chains(self) -> list[Chain]:
         """Chains of all nodes. A node is joined to its only reader if the node's result need not pass the bus.
@@ -132,102 +165,95 @@ class _Table(Problem):
         return chains
 
     def pack(self, priority, *, late=False):
-        """Steps by node. The chains are placed in the earliest, or latest, free cycle, the lowest priority first.
-
-        The first cycle may have any number.
-        """
+        """Places by node. The chains are placed in the earliest, or latest, free cycle, the lowest priority first."""
         ahead, behind = (self.ahead, self.behind)[::-1] if late else (self.ahead, self.behind)
-        waiting = {chain: len(ahead[chain]) for chain in self.chains}
-        queue = [(priority[chain], self.number[chain]) for chain in self.chains if not waiting[chain]]
+        waiting = [len(chains) for chains in ahead]
+        queue = [(priority[chain], chain) for chain, count in enumerate(waiting) if not count]
         heapify(queue)
-        places: dict[Node, Step] = {}
-        full: dict[Hashable, int] = {}
+        places: dict[Node, _Place] = {}
+        # Cycles in which a unit cannot start or a bus is taken, one bit for each.
+        full = dict.fromkeys((*self.sharing, *BUSES), 0)
         while queue:
-            chain = self.chains[heappop(queue)[1]]
+            chain = heappop(queue)[1]
             self._place(chain, places, full, late)
             for other in behind[chain]:
                 waiting[other] -= 1
                 if not waiting[other]:
-                    heappush(queue, (priority[other], self.number[other]))
+                    heappush(queue, (priority[other], other))
         assert len(places) == len(self.nodes)
-        # The address of the first operand is needed before the cycle in which the operand is fetched.
-        first = min(step.issue for step in places.values()) - self.machine.lead
-        return {node: Step(node, step.unit, step.issue - first, step.write - first, bus=step.bus)
-                for node, step in places.items()}
+        return places
 
     def _place(self, chain, places, full, late):
-        """Add the steps of a chain to ``places``, and their resources to ``full``.
+        """Add the places of a chain's nodes to ``places``, and their resources to ``full``.
 
         Cycles of ``full`` count backwards if the chain goes to the latest cycle. So they are never negative, and the
         search for a place goes upwards in both directions.
         """
-        limits = []  # (offset of an issue or a result, cycle of the other end, kind of read)
-        for node, offset in self.offsets[chain]:
-            if late:
-                limits += [(offset + self.delay[node], places[reader].issue, read)
-                           for reader, read in self.readers[node] if self.chain_of[reader] is not chain]
-            else:
-                limits += [(offset, places[operand].write, read)
-                           for operand, read in self.operands[node] if self.chain_of[operand] is not chain]
-        sign = -1 if late else 1
-        least = max((sign * (other - offset) + self.machine.least_wait(read) for offset, other, read in limits),
-                    default=self.span[chain] if late else 0)
+        if late:
+            sign, least = -1, self.span[chain]
+            limits = [(offset - places[other].issue, wait, gaps) for offset, other, wait, gaps in self.targets[chain]]
+        else:
+            sign, least = 1, 0
+            limits = [(places[other].write - offset, wait, gaps) for offset, other, wait, gaps in self.sources[chain]]
+        if limits:
+            least = max(cycle + wait for cycle, wait, _ in limits)
         taken = self._taken(chain, full, sign) >> least
+        for cycle, _, gaps in limits:
+            taken |= _moved(gaps, least - cycle)
         while True:
             # The lowest clear bit is the next cycle that may be free.
             step = (~taken & taken + 1).bit_length() - 1
             taken >>= step
             least += step
-            if all(self.machine.may_wait(least - sign * (other - offset), read) for offset, other, read in limits) \
-                    and (found := self._ways(chain, full, sign, least)):
+            if found := self._ways(chain, full, sign, least):
                 break
             taken |= 1
-        for node, unit, bus, issue in found:
-            name = unit.name if unit else "input" if node.operation == "input" else "constant"
-            places[node] = Step(node, name, issue, issue + self.delay[node], bus=bus)
+        places.update(found)
 
     def _taken(self, chain, full, sign):
         """Cycles in which the chain cannot start because one of its resources is taken, one bit per cycle."""
-        def moved(mask, by):
-            return mask >> by if by > 0 else mask << -by
-
         taken = 0
-        for node, offset in self.offsets[chain]:
-            if self.units[node]:
+        for _, offset, units in self.stages[chain]:
+            if units:
                 busy = -1
-                for unit in self.units[node]:
-                    busy &= full.get(self.machine.port(unit), 0) | full.get(unit.name, 0)
-                taken |= moved(busy, sign * offset)
+                for unit in units:
+                    busy &= full[unit]
+                taken |= _moved(busy, sign * offset)
         busy = -1
-        for bus in self.buses[chain[-1]]:
-            busy &= full.get(bus, 0)
-        return taken | moved(busy, sign * self.span[chain])
+        for bus in self.buses[self.chains[chain][-1]]:
+            busy &= full[bus]
+        return taken | _moved(busy, sign * self.span[chain])
 
     def _ways(self, chain, full, sign, start):
-        """Node, unit, bus and issue of each node of a chain that starts in a cycle; their resources enter ``full``.
+        """Place of each node of a chain that starts in a cycle; their resources enter ``full``.
 
         None if a resource is not free; then ``full`` does not change.
         """
-        before, found = dict(full), []
-        for node, offset in self.offsets[chain]:
+        before, names = full.copy(), []
+        for node, offset, units in self.stages[chain]:
+            if not units:
+                names.append("input" if node.operation == "input" else "constant")
+                continue
             issue = start + sign * offset
-            for unit in self.units[node]:
-                port = self.machine.port(unit)
-                if not (full.get(port, 0) | full.get(unit.name, 0)) >> issue & 1:
-                    full[port] = full.get(port, 0) | 1 << issue
-                    # No other start may be so near that the unit is still busy.
-                    near, first = (1 << 2 * unit.interval - 1) - 1, issue - unit.interval + 1
-                    full[unit.name] = full.get(unit.name, 0) | (near << first if first >= 0 else near >> -first)
+            for name in units:
+                if not full[name] >> issue & 1:
                     break
             else:
-                if self.units[node]:
-                    full.clear()
-                    full.update(before)
-                    return None
-                unit = None
-            found.append((node, unit, "main", sign * issue))
+                full.update(before)
+                return None
+            names.append(name)
+            for other in self.sharing[name]:
+                full[other] |= 1 << issue
+            near, width = self.near[name]
+            full[name] |= _moved(near, width - issue)
         write = start + sign * self.span[chain]
-        bus = next(bus for bus in self.buses[chain[-1]] if not full.get(bus, 0) >> write & 1)
-        full[bus] = full.get(bus, 0) | 1 << write
-        node, unit, _, issue = found[-1]
-        return [*found[:-1], (node, unit, bus, issue)]
+        last = next(bus for bus in self.buses[self.chains[chain][-1]] if not full[bus] >> write & 1)
+        full[last] |= 1 << write
+        # Results inside a chain are forwarded.
+        buses = [*["main"] * (len(names) - 1), last]
+        return {node: _Place(name, sign * start + offset, sign * start + offset + self.delay[node], bus)
+                for (node, offset, _), name, bus in zip(self.stages[chain], names, buses, strict=True)}
+
+
+def _moved(mask, by):
+    return mask >> by if by > 0 else mask << -by
