@@ -1,5 +1,6 @@
 """Fixtures of all tests: folders, and models that are built once."""
 
+import gc
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,13 @@ from strapdown_sim.drivers.bus import BusInterface, BusModel
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
 
 ROOT = Path(__file__).parents[1]
+
+
+def pytest_collection_finish():
+    """Collect garbage seldom: circuits are graphs of many small objects, and searching them again and again takes a
+    third of the time of writing Verilog. What the imports made stays, and is not searched."""
+    gc.freeze()
+    gc.set_threshold(500_000, 10, 10)
 
 
 @pytest.fixture(scope="session")

@@ -1,13 +1,13 @@
 """The report: its lists, its tables, and a check that the figures in docs/ are those of these circuits."""
 
 import json
+from functools import cache
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Annotation
 
 from strapdown.cli import main
@@ -92,12 +92,17 @@ def test_pictures_are_equal_for_equal_figures(tmp_path):
         assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
 
 
-def drawn(draw, report, tmp_path, monkeypatch):
-    """The figure of a picture."""
-    figures = []
-    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
-    draw(tmp_path / "picture.png", report)
-    return figures[0]
+@pytest.fixture(scope="module")
+def drawn(figures):
+    """The figure of a picture of the figures in docs/, by its name; each is drawn once."""
+    @cache
+    def draw(name):
+        kept = []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(plots, "save", lambda figure, path: kept.append(figure))
+            {"cores": core_plot, "operators": operator_plot}[name](None, figures[name])
+        return kept[0]
+    return draw
 
 
 def panels(figure):
@@ -106,8 +111,8 @@ def panels(figure):
             for axes in figure.axes if axes.get_visible()}
 
 
-def test_a_line_joins_one_operator_at_growing_latencies(figures, tmp_path, monkeypatch):
-    lines = panels(drawn(operator_plot, figures["operators"], tmp_path, monkeypatch))
+def test_a_line_joins_one_operator_at_growing_latencies(figures, drawn):
+    lines = panels(drawn("operators"))
     assert all((np.diff(line.get_xdata()) > 0).all() for group in lines.values() for line in group)
     converters = next(axes for axes in lines if axes.get_title("left") == "to another format")
     rows = [row for row in figures["operators"]["operators"] if row["operator"] == "to another format"]
@@ -119,11 +124,10 @@ def test_a_line_joins_one_operator_at_growing_latencies(figures, tmp_path, monke
     assert len({line.get_marker() for line in lines[converters]}) == len(names) == 4
 
 
-@pytest.mark.parametrize(("name", "draw"), [("cores", core_plot), ("operators", operator_plot)])
-def test_labels_stand_at_their_points(figures, tmp_path, monkeypatch, name, draw):
+@pytest.mark.parametrize("name", ["cores", "operators"])
+def test_labels_stand_at_their_points(drawn, name):
     """The gap from a label to its point is at most 12 points; among the cores, no other point is nearer."""
-    figure = drawn(draw, figures[name], tmp_path, monkeypatch)
-    figure.canvas = FigureCanvasAgg(figure)
+    figure = drawn(name)
     checked = 0
     for axes in panels(figure):
         labels = [text for text in axes.texts if isinstance(text, Annotation) and text.get_visible()

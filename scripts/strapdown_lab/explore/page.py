@@ -1,10 +1,9 @@
 """The result of a search as a Markdown page and a picture."""
 
-from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from strapdown.markdown import markdown_table
-from strapdown_lab.report.drawing import INK, OURS, finish, place_labels, save
+from strapdown_lab.report.drawing import INK, OURS, finish, labelled_figure, place_labels, save
 
 from .front import expected, measured, staircase
 
@@ -67,7 +66,7 @@ def explore_picture(path, result):
     """
     done = _complete(result)
     placed = "ecp5" in result
-    figure = Figure(figsize=(9.0, 6.0), dpi=150, layout="constrained")
+    figure = labelled_figure(9.0, 6.0)
     axes = figure.subplots()
     rest = [row for row in result["pools"] if "failed" not in row and not any(row is other for other in done)]
     axes.scatter([expected(row)["time"] for row in rest], [expected(row)["lut"] for row in rest], s=14, zorder=2,

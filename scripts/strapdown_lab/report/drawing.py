@@ -2,10 +2,11 @@
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
-__all__ = ["INK", "OURS", "around", "finish", "place_labels", "save"]
+__all__ = ["INK", "OURS", "around", "finish", "labelled_figure", "place_labels", "save"]
 
 INK, OURS, _GRID = "#10243e", "#1f6fb4", "#e4e4e4"
 
@@ -15,6 +16,14 @@ _PLACES = (((9, 0), "left", "center"), ((-9, 0), "right", "center"), ((0, 9), "c
            ((-7, 5), "right", "bottom"), ((-7, -5), "right", "top"))
 _MARKER = 11
 """Half the side of the box around a marker, in pixels."""
+
+
+def labelled_figure(width, height):
+    """A figure for ``place_labels``, in inches. Its canvas keeps the renderer that measures the labels: without a
+    canvas, Matplotlib would make a renderer, with all pixels of the figure, for each label."""
+    figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
 
 
 def place_labels(axes, labels, obstacles, **style):

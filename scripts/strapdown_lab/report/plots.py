@@ -4,12 +4,11 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from .anchors import CORE_ANCHORS, OPERATOR_ANCHORS
-from .drawing import INK, OURS, around, finish, place_labels, save
+from .drawing import INK, OURS, around, finish, labelled_figure, place_labels, save
 from .tables import microseconds
 
 __all__ = ["core_plot", "operator_plot"]
@@ -25,7 +24,7 @@ def core_plot(path, report):
 
     ``report`` is that of ``cores.json`` with place and route.
     """
-    figure = Figure(figsize=(9.0, 6.0), dpi=150, layout="constrained")
+    figure = labelled_figure(9.0, 6.0)
     axes = figure.subplots()
     software = [anchor for anchor in CORE_ANCHORS if anchor.lut is None]
     public = [(anchor, anchor.microseconds, anchor.lut) for anchor in CORE_ANCHORS if anchor.lut is not None]
@@ -89,7 +88,7 @@ def operator_plot(path, report):
     curves = _curves(report["operators"])
     columns = 3
     blocks = -(-len(curves) // columns)
-    figure = Figure(figsize=(9.0, 4.4 * blocks + 0.4), dpi=150, layout="constrained")
+    figure = labelled_figure(9.0, 4.4 * blocks + 0.4)
     panels = figure.subplots(2 * blocks, columns, squeeze=False, height_ratios=(1.5, 1) * blocks)
     for axes in panels.flat:
         axes.set_visible(False)
