@@ -1,6 +1,7 @@
 """Fixtures of all tests: folders, and models that are built once."""
 
 import gc
+import os
 from functools import cache
 from pathlib import Path
 
@@ -10,8 +11,12 @@ from strapdown.cores import axi_core
 from strapdown.cores import make_core as make_new_core
 from strapdown.cores import make_module as make_new_module
 from strapdown.export import write
+from strapdown.kernel import engine, stream
+from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.bus import BusInterface, BusModel
 from strapdown_sim.drivers.toolchain import SimulatorMissingError
+
+from .schedules import searched_once
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,6 +32,22 @@ def pytest_collection_finish():
 def root():
     """Folder of the checkout."""
     return ROOT
+
+
+@pytest.fixture(scope="session")
+def of_this_run(tmp_path_factory):
+    """A Cache for all processes of this run of the tests."""
+    folder = tmp_path_factory.getbasetemp()
+    return Cache((folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "shared")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def schedules(of_this_run):
+    """Engines search each of their schedules once in a run. Tests of a search call it directly."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "list_schedule", searched_once(engine.list_schedule, of_this_run))
+        patch.setattr(stream, "modulo_schedule", searched_once(stream.modulo_schedule, of_this_run))
+        yield
 
 
 @pytest.fixture(scope="session")
