@@ -10,7 +10,7 @@ import pytest
 from strapdown.cores import axi_core
 from strapdown.cores import make_core as make_new_core
 from strapdown.cores import make_module as make_new_module
-from strapdown.export import write
+from strapdown.export import verilog_text, without_comments, write
 from strapdown.kernel import engine, stream
 from strapdown_sim.cache import Cache
 from strapdown_sim.drivers.bus import BusInterface, BusModel
@@ -61,6 +61,24 @@ def make_module(make_core):
     """``strapdown.cores.make_module``, which makes each module once; cores are those of ``make_core``."""
     make_assembly = cache(make_new_module)
     return lambda module, config: (make_assembly if module in config.assemblies() else make_core)(module, config)
+
+
+@pytest.fixture(scope="session")
+def text_of(make_module, of_this_run):
+    """``strapdown.export.verilog_text`` of a module of a configuration; each is written once in a run."""
+    def text(module, config):
+        def make(path):
+            path.write_text(verilog_text(make_module(module, config), config), encoding="utf-8")
+
+        identity = {"module": module, "config": config.model_dump_json()}
+        return of_this_run.file(identity, ".v", make).read_text(encoding="utf-8")
+    return text
+
+
+@pytest.fixture(scope="session")
+def circuit_of(text_of):
+    """``strapdown_lab.report.measure.core_circuit`` of a module of a configuration; each is written once in a run."""
+    return lambda module, config: without_comments(text_of(module, config))
 
 
 @pytest.fixture(scope="session")

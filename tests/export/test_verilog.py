@@ -90,14 +90,14 @@ ALL = [(config, main_module(config)) for config in CONFIGS.values()]
 
 @pytest.fixture(scope="module", params=[*ALL, "link", *VENDOR_OPERATORS],
                 ids=[*(config.name for config, _ in ALL), "link", *VENDOR_OPERATORS])
-def text(request, make_module):
+def text(request, text_of):
     """The Verilog of the main module of a configuration, of the serial link, or of an operator."""
     if request.param == "link":
         return verilog_text(uart_core(SINS, clock_hz=100e6, baud_rate=921600))
     if isinstance(request.param, str):
         return verilog_text(VendorOperator(request.param))
     config, module = request.param
-    return verilog_text(make_module(module, config), config)
+    return text_of(module, config)
 
 
 def test_most_names_say_something(text):

@@ -18,7 +18,7 @@ from strapdown_lab.checkout import block
 from strapdown_lab.report import plots
 from strapdown_lab.report.anchors import OPERATOR_ANCHORS, best_known
 from strapdown_lab.report.cores import BUSES, CORES, simulated_cycles
-from strapdown_lab.report.measure import Design, bus_design, core_circuit, measure, operator_design
+from strapdown_lab.report.measure import Design, bus_design, measure, operator_design
 from strapdown_lab.report.operators import MEASURED
 from strapdown_lab.report.plots import core_plot, operator_plot
 from strapdown_lab.report.tables import bus_table, core_table, operator_tables
@@ -201,10 +201,9 @@ def figures():
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in FIGURES.glob("*.json")}
 
 
-def test_figures_of_cores_are_of_these_circuits(figures, make_module):
+def test_figures_of_cores_are_of_these_circuits(figures, circuit_of):
     known = {(row["module"], row["config"]): row["verilog_sha256"] for row in figures["cores"]["cores"]}
-    found = {(entry.module, entry.config.name): core_circuit(make_module(entry.module, entry.config), entry.config)
-             for entry in CORES}
+    found = {(entry.module, entry.config.name): circuit_of(entry.module, entry.config) for entry in CORES}
     assert known == {key: digest(circuit) for key, circuit in found.items()}, "make report measures them again"
 
 

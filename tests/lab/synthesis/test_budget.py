@@ -5,7 +5,7 @@ import json
 import pytest
 
 from strapdown_lab.report.cores import CORES
-from strapdown_lab.report.measure import core_circuit, cycles_of, digest
+from strapdown_lab.report.measure import cycles_of, digest
 from strapdown_lab.synthesis import Xc7Resources, synthesise_xc7
 
 BUDGETS = {
@@ -26,10 +26,10 @@ BUDGETS = {
 
 
 @pytest.mark.parametrize("config", BUDGETS)
-def test_core_stays_within_its_budget(config, root, make_module, request):
+def test_core_stays_within_its_budget(config, root, make_module, circuit_of, request):
     entry = next(entry for entry in CORES if entry.config.name == config)
     core = make_module(entry.module, entry.config)
-    resources = _resources(core_circuit(core, entry.config), entry, root, request)
+    resources = _resources(circuit_of(entry.module, entry.config), entry, root, request)
     taken = vars(resources) | {"cycles": cycles_of(core)}
     assert {kind: taken[kind] for kind, most in BUDGETS[config].items() if taken[kind] > most} == {}
 
