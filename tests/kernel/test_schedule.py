@@ -10,7 +10,9 @@ from strapdown.kernel.machine import UpdateMachine
 from strapdown.kernel.operators import Adder, Divider, Multiplier
 from strapdown.kernel.pool import Pool
 from strapdown.kernel.trace import Tracer
+from strapdown_sim.cache import Cache
 
+from ..schedules import searched_once
 from .kalman import kalman_graph
 
 POOL = Pool()
@@ -161,3 +163,21 @@ def test_a_large_graph_is_scheduled_in_seconds():
     result = schedule(graph, POOL)
     assert process_time() - begin < 60
     assert max(result.bounds.values()) <= result.length < 1.2 * max(result.bounds.values())
+
+
+def test_a_schedule_that_was_searched_before_is_that_of_the_search(tmp_path):
+    """What engines take in other tests: an earlier result, on the nodes of another graph of the same operations."""
+    searched = []
+
+    def search(graph, machine):
+        searched.append(graph)
+        return list_schedule(graph, machine)
+
+    first, second = (searched_once(search, Cache(tmp_path))(small_graph(), UpdateMachine(POOL)) for _ in range(2))
+    (graph,) = searched
+    assert [step.node for step in second.steps] != [step.node for step in first.steps]
+    facts = [[(replace(step, node=None), result.graph.nodes.index(step.node)) for step in result.steps]
+             for result in (schedule(graph, POOL), first, second)]
+    assert facts[0] == facts[1] == facts[2]
+    searched_once(search, Cache(tmp_path))(small_graph(), UpdateMachine(POOL.with_operators(Adder(latency=6))))
+    assert len(searched) == 2
