@@ -15,7 +15,7 @@ SEED ?= 1
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help setup icarus environments demo verilog ip bitstream test test-ip sim report families compare peers formal exhaustive spots mutants faults accuracy lint docs clean
+.PHONY: help setup icarus demo verilog ip bitstream test test-ip sim report families compare peers formal exhaustive spots mutants faults accuracy lint docs clean
 
 help: ## Show this list.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -53,9 +53,7 @@ test: setup icarus ## Run all tests, except those that only `make sim` and `make
 	@$(BIN)/python scripts/fetch_recording.py build/recordings
 	$(PYTEST) -m 'not sim_only and not ip'
 
-environments: $(VENV)-pynq/ready $(VENV)-fusesoc/ready $(VENV)-litex/ready $(VENV)-rerun/ready # Environments of test-ip beside .venv.
-
-test-ip: setup icarus environments $(VENV)/ready-report ## Run the tests that need tools of their own: ARM, PYNQ, FuseSoC, LiteX, Rerun, a browser.
+test-ip: setup icarus $(VENV)/ready-report $(VENV)-pynq/ready $(VENV)-fusesoc/ready $(VENV)-litex/ready $(VENV)-rerun/ready ## Run the tests that need tools of their own: ARM, PYNQ, FuseSoC, LiteX, Rerun, a browser.
 	@scripts/install_debian.sh arm-linux-gnueabihf-gcc=gcc-arm-linux-gnueabihf \
 		arm-linux-gnueabihf-ld=libc6-dev-armhf-cross qemu-arm=qemu-user dtc=device-tree-compiler
 	@scripts/install_debian.sh chromium=chromium chromedriver=chromium-driver tclsh=tcl yosys=yosys
@@ -78,8 +76,7 @@ $(VENV)-pynq/ready: pyproject.toml
 	$(VENV)-pynq/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --no-deps --editable .
 	touch $@
 
-# After the other environment that builds this project: two builds at a time would write the same files.
-$(VENV)-rerun/ready: pyproject.toml constraints.txt | $(VENV)-pynq/ready
+$(VENV)-rerun/ready: pyproject.toml constraints.txt
 	python3 -m venv $(VENV)-rerun
 	$(VENV)-rerun/bin/python -m pip install --quiet --disable-pip-version-check --use-pep517 --constraint constraints.txt \
 		--editable '.[rerun]'
