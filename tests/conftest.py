@@ -70,7 +70,7 @@ def text_of(make_module, of_this_run):
         def make(path):
             path.write_text(verilog_text(make_module(module, config), config), encoding="utf-8")
 
-        identity = {"module": module, "config": config.model_dump_json()}
+        identity = {"module": module, "config": repr(config)}
         return of_this_run.file(identity, ".v", make).read_text(encoding="utf-8")
     return text
 

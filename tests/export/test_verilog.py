@@ -100,6 +100,12 @@ def text(request, text_of):
     return text_of(module, config)
 
 
+def test_a_text_that_was_written_before_is_of_the_same_operators(text_of, make_core):
+    """What other tests take, for configurations that differ in an operator only."""
+    for config in (THESIS, THESIS.replace(adder_latency=3)):
+        assert text_of("INS_acc", config) == verilog_text(make_core("INS_acc", config), config)
+
+
 def test_most_names_say_something(text):
     names = DECLARED.findall(text)
     assert sum(bool(re.fullmatch(r"n\d+", name)) for name in names) < 0.2 * len(names)
