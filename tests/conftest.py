@@ -28,6 +28,11 @@ def pytest_collection_finish():
     gc.set_threshold(500_000, 10, 10)
 
 
+def pytest_unconfigure():
+    """Let the interpreter free all objects when it ends: libraries in C++ report those that stay."""
+    gc.unfreeze()
+
+
 @pytest.fixture(scope="session")
 def root():
     """Folder of the checkout."""
