@@ -1,7 +1,6 @@
 """Fixtures of all tests: folders, and models that are built once."""
 
 import gc
-import os
 from functools import cache
 from pathlib import Path
 
@@ -19,18 +18,34 @@ from strapdown_sim.drivers.toolchain import SimulatorMissingError
 from .schedules import searched_once
 
 ROOT = Path(__file__).parents[1]
+GENERATORS = pytest.StashKey[dict]()
 
 
 def pytest_collection_finish():
-    """Collect garbage seldom: circuits are graphs of many small objects, and searching them again and again takes a
-    third of the time of writing Verilog. What the imports made stays, and is not searched."""
+    """Collect garbage seldom: circuits are graphs of many small objects, and each collection searches all of them.
+    What imports and collection made stays, and is not searched."""
+    gc.collect()
     gc.freeze()
     gc.set_threshold(500_000, 10, 10)
+
+
+def pytest_collection_modifyitems(session, items):
+    """Keep the state in which each module of tests has made its random generator RNG."""
+    session.stash[GENERATORS] = {module: module.RNG.bit_generator.state
+                                 for module in {item.module for item in items} if hasattr(module, "RNG")}
 
 
 def pytest_unconfigure():
     """Let the interpreter free all objects when it ends: libraries in C++ report those that stay."""
     gc.unfreeze()
+
+
+@pytest.fixture(autouse=True)
+def same_random_numbers(request):
+    """A test has the same random numbers, whichever tests of its module ran before it in this process."""
+    state = request.session.stash[GENERATORS].get(request.module)
+    if state:
+        request.module.RNG.bit_generator.state = state
 
 
 @pytest.fixture(scope="session")
@@ -40,10 +55,10 @@ def root():
 
 
 @pytest.fixture(scope="session")
-def of_this_run(tmp_path_factory):
+def of_this_run(request, tmp_path_factory):
     """A Cache for all processes of this run of the tests."""
     folder = tmp_path_factory.getbasetemp()
-    return Cache((folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "shared")
+    return Cache((folder.parent if hasattr(request.config, "workerinput") else folder) / "shared")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,8 +11,8 @@ __all__ = ["searched_once"]
 def searched_once(search, cache):
     """A ``search``, from a graph and a machine to a Schedule, whose results are kept in a Cache.
 
-    A result is found by all that a search reads: the operations of the graph, and the pool and its units. It is
-    verified whenever it is taken, as a search does.
+    A result is found by all that a search reads: the operations of the graph, and the pool and its units. Each result
+    that is taken is verified, as a search verifies its own.
     """
     @wraps(search)
     def schedule(graph, machine, *options):
@@ -38,7 +38,7 @@ def _graph(graph):
     """The operations of a graph as JSON values; nodes are their numbers."""
     number = {node: index for index, node in enumerate(graph.nodes)}
     return {
-        "nodes": [(node.operation, node.label, node.value, node.section, node.condition is not None,
+        "nodes": [(node.operation, node.label, node.value, node.section, node.spreads, node.condition is not None,
                    [(number[operand.node], operand.negated) for operand in node.operands]) for node in graph.nodes],
         "inputs": graph.inputs, "state": graph.state, "sections": graph.sections,
         "outputs": {port: number[node] for port, node in graph.outputs.items()},

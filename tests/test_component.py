@@ -30,6 +30,7 @@ class Free(Described, Plain):
 
 def unused(make):
     """True if Amaranth reports a component that is made and not used."""
+    gc.collect()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         make()
