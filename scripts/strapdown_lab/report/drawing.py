@@ -19,8 +19,8 @@ _MARKER = 11
 
 
 def labelled_figure(width, height):
-    """A figure for ``place_labels``, in inches. Its canvas keeps the renderer that measures the labels: without a
-    canvas, Matplotlib would make a renderer, with all pixels of the figure, for each label."""
+    """A figure for ``place_labels``, in inches. Its canvas keeps the renderer that measures the labels. The canvas that
+    a figure has by itself would make a renderer, with all pixels of the figure, for each measurement."""
     figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -29,7 +29,7 @@ def labelled_figure(width, height):
 def place_labels(axes, labels, obstacles, **style):
     """Write labels (point, text, style) at their points, where they cover the least and are not ambiguous.
 
-    ``obstacles`` are boxes in pixels; the points themselves join them.
+    ``axes`` are those of a ``labelled_figure``. ``obstacles`` are boxes in pixels; the points themselves join them.
     """
     taken = [*obstacles, *(around(axes, point) for point, _, _ in labels)]
     for point, text, own_style in labels:

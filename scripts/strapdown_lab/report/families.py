@@ -42,9 +42,8 @@ def variants() -> Iterator[Variant]:
             yield Variant(config.replace(operand_memory="block", side_memory="none"), in_block=True)
 
 
-def circuit(variant: Variant, make_module: Callable[..., Any] = make_module,
-            core_circuit: Callable[..., str] = core_circuit) -> tuple[dict[str, Any], str]:
-    """Facts of a variant as JSON values, and its Verilog. The functions may keep what they have made."""
+def circuit(variant: Variant, make_module: Callable[..., Any] = make_module) -> tuple[dict[str, Any], str]:
+    """Facts of a variant as JSON values, and its Verilog. ``make_module`` may keep the modules it has made."""
     config, module = variant.config, main_module(variant.config)
     core = make_module(module, config)
     text = core_circuit(core, config)
