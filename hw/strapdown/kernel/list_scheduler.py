@@ -101,7 +101,7 @@ _Link = tuple[int, Node, int, int]
 class _Table(Problem):
     """A graph whose nodes are joined into chains, and the reservation tables in which they are placed.
 
-    Chains have numbers, and what ``pack`` asks of a chain is in lists: it places all chains some thousand times.
+    Chains have numbers, and what ``pack`` asks of a chain is in lists: it places all chains hundreds of times.
     """
 
     def __init__(self, graph, machine):
@@ -111,7 +111,8 @@ class _Table(Problem):
         self.ahead, self.behind = (
             [{number[other] for node in chain for other, _ in edges[node]} - {index}
              for index, chain in enumerate(self.chains)] for edges in (self.operands, self.readers))
-        self.span = [sum(self.delay[node] for node in chain) for chain in self.chains]
+        # Cycles from the issue of the first node to the last result.
+        self.span: list[int] = []
         # Each node with its issue relative to that of the first node, and the names of its units.
         self.stages: list[list[tuple[Node, int, list[str]]]] = []
         # (cycle relative to the first issue, node of another chain, least wait, waits that are not allowed, one bit
@@ -120,6 +121,7 @@ class _Table(Problem):
         self.targets: list[list[_Link]] = []
         for index, chain in enumerate(self.chains):
             ends = [0, *accumulate(self.delay[node] for node in chain)]
+            self.span.append(ends[-1])
             self.stages.append([(node, offset, [unit.name for unit in self.units[node]])
                                 for node, offset in zip(chain, ends, strict=False)])
             for links, edges, offsets in (self.sources, self.operands, ends), (self.targets, self.readers, ends[1:]):
@@ -133,7 +135,8 @@ class _Table(Problem):
         self.near = {unit.name: ((1 << 2 * unit.interval - 1) - 1, unit.interval - 1) for unit in units}
 
     def _gaps(self, read):
-        """Waits that are not allowed, though they are not the shortest, one bit for each."""
+        """Waits from the least one on that are not allowed, one bit for each. Those of the memory's delay and more are
+        allowed."""
         machine = self.machine
         return sum(1 << wait for wait in range(machine.least_wait(read), machine.pool.memory_delay)
                    if not machine.may_wait(wait, read))
