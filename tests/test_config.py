@@ -64,7 +64,7 @@ def test_replace_takes_values_and_strings():
                   "magnetometer_axes; of its pool: adder_latency, adder_dsp_shifts, adders, multiplier_latency, "
                   "multipliers, table_reciprocal_latency, table_reciprocals, table_arctangent_latency, "
                   "table_arctangents, arctangent_steps_per_cycle, arctangents, forwarding, private_ports, horizontal, "
-                  "side_buses, read_ranks"),
+                  "side_buses, side_registered, read_ranks"),
     ({"adders": "two"}, "configuration thesis: adders must be a valid integer, unable to parse string as an integer, "
                         "not 'two'"),
     ({"forwarding": "maybe"}, "configuration thesis: forwarding must be a valid boolean, unable to interpret input, "

@@ -110,6 +110,7 @@ def test_numbers_can_be_copied():
     ({"forwarding": "no"}, TypeError, "forwarding must be True or False, not 'no'"),
     ({"private_ports": None}, TypeError, "private_ports must be True or False, not None"),
     ({"horizontal": 1}, TypeError, "horizontal must be True or False, not 1"),
+    ({"side_registered": None}, TypeError, "side_registered must be True or False, not None"),
     ({"side_memory": 1}, ValueError, "side_memory must be False, auto, distributed or block, not 1"),
     ({"side_buses": True}, TypeError, "side_buses must be a whole number, not True"),
     ({"side_buses": 4}, ValueError, "side_buses must be from 1 to 3, not 4"),

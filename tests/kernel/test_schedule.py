@@ -155,6 +155,30 @@ def test_what_lasts_or_decides_is_not_put_aside():
         replace(result, steps=tuple(steps)).verify()
 
 
+def test_constants_and_choices_are_put_aside_if_they_may_be():
+    graph = ATTITUDE_CORES["INS_top"](THESIS).trace(POOL)
+    plain, wide = (schedule(graph, replace(POOL, side_memory=True, side_registered=registered))
+                   for registered in (False, True))
+    kinds = [{step.node.operation for step in result.steps if step.bus == "side"} for result in (plain, wide)]
+    assert kinds[0] == {"add", "multiply"}
+    assert {"add", "multiply", "constant", "select"} <= kinds[1]
+    assert kinds[1].isdisjoint({"input", "state"})
+    assert "register before the buses" in wide.bounds
+    assert "register before the buses" not in plain.bounds
+
+
+def test_two_results_cannot_pass_the_register_in_the_same_cycle():
+    result = schedule(ATTITUDE_CORES["INS_top"](THESIS).trace(POOL),
+                      replace(POOL, side_memory=True, side_registered=True))
+    first, last = (next(index for index, step in order if step.node.operation == "constant" and step.bus == bus)
+                   for order, bus in ((list(enumerate(result.steps)), "side"),
+                                      (list(enumerate(result.steps))[::-1], "main")))
+    steps = list(result.steps)
+    steps[last] = replace(steps[last], issue=steps[first].issue, write=steps[first].write)
+    with pytest.raises(AssertionError, match="register before the buses is used 2 times"):
+        replace(result, steps=tuple(steps)).verify()
+
+
 def test_a_large_graph_is_scheduled_in_seconds():
     """3,500 operations, like an INS/GNSS filter: within a fifth of the bound, and within a minute on one core."""
     graph = kalman_graph(POOL)

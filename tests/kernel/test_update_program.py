@@ -8,7 +8,7 @@ import pytest
 from strapdown.cores import ATTITUDE_CORES, THESIS, THESIS_COMPACT
 from strapdown.kernel.list_scheduler import list_schedule
 from strapdown.kernel.machine import UpdateMachine
-from strapdown.kernel.operators import Adder, Arctangent, Divider, Multiplier, Selector, meaning
+from strapdown.kernel.operators import Adder, Arctangent, Divider, Extremes, Multiplier, Selector, meaning
 from strapdown.kernel.pool import MemoryStyle, Pool
 from strapdown.kernel.program import UpdateProgram
 
@@ -77,7 +77,7 @@ def interpret(program, inputs, memory, bank, fresh):
             coming[name, cycle + 1 + unit.latency + (horizontal and not unit.direct)] = result
         if write.get("enable") and (fresh or not write["restore"]):
             memory[physical(write["address"])] = int(FORMAT.to_bits(bus))
-        if side := word.get("side"):
+        if (side := word.get("side", {})).get("enable"):
             aside[side["address"]] = coming[program.sources["side"][side["source"]], cycle]
 
 
@@ -91,6 +91,9 @@ POOLS = {
     "forwarding past a block memory": Pool(operand_memory=MemoryStyle.BLOCK),
     "two of each": Pool().with_operators(Adder(count=2), Multiplier(count=2), Arctangent(count=2)),
     "two buses": Pool(side_memory=True).with_operators(Adder(count=2), Multiplier(count=3)),
+    "two buses for registered results": Pool(side_memory=True, side_registered=True).with_operators(
+        Adder(count=2), Multiplier(count=2), Extremes()),
+    "one bus, although registered results may go aside": Pool(side_registered=True),
 }
 
 

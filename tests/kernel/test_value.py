@@ -137,6 +137,15 @@ def test_a_quotient_is_a_product_with_a_reciprocal_or_the_other_way_round():
     assert count(Divider()) == {"divide": 2}
 
 
+@pytest.mark.parametrize("operator", [TableReciprocal(), Divider(), Divider(bits_per_cycle=2)])
+def test_a_root_is_a_product_with_a_reciprocal_root_or_of_its_operator(operator):
+    """The product has 0.88 units in the last place of the table, and half a unit of the product, each up to 2**-23."""
+    xp = Twin(Pool(operators=(Adder(), Multiplier(), operator, Selector())))
+    squares = np.array([0.0, 2.0**-70, 0.3, 1.0, 2.0, 3.999, 1e30], np.float32)
+    found = [float(xp.sqrt(xp.lift(float(square))).array) for square in squares]
+    assert found == pytest.approx(np.sqrt(squares.astype(float)), rel=1.38 * 2.0**-23, abs=0)
+
+
 @pytest.mark.parametrize(("compute", "missing"), [
     (lambda xp, x: 1 / x, "divide"), (lambda xp, x: xp.reciprocal(x), "reciprocal"), (lambda xp, x: xp.sqrt(x), "sqrt"),
     (lambda xp, x: xp.rsqrt(x), "rsqrt")])

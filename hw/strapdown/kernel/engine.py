@@ -228,6 +228,9 @@ class Engine(SystemComponent):
             m.submodules.side_memory = side_memory = memory(program, program.side_depth, pool.side_memory)
         components = {unit.name: unit.make() for unit in program.units}
         results = {name: Signal(number, name=f"{name}_result") for name in components}
+        results["other"] = Signal(number, name="other", reset_less=True)
+        if "constant" in program.operand_sources:
+            results["constant"] = Signal(number, name="constant")
 
         def fetch(fields):
             read = operands.read_port(domain="sync" if pool.operand_memory is MemoryStyle.BLOCK else "comb")
@@ -266,10 +269,14 @@ class Engine(SystemComponent):
         """The bus takes the result that the word selects."""
         program = self._program
         results |= captured
-        results["other"] = other = Signal(program.format.layout, name="other", reset_less=True)
-        m.d.sync += other.eq(Array([Value.cast(results[name]) for name in program.other_sources])[word.other])
+        others = Array([Value.cast(results[name]) for name in program.other_sources])
+        m.d.sync += results["other"].eq(others[word.other])
         if program.constants:
-            results["constant"] = self._constants(m, word.other, control.next_word.other)
+            constant = self._constants(m, word.other, control.next_word.other)
+            if "constant" in results:
+                m.d.comb += Value.cast(results["constant"]).eq(constant)
+            else:
+                results["constant"] = constant
         choose(m, bus, word.write.source, [results[name] for name in program.sources["main"]])
 
     def _meet(self, m, control, word, components, captured, bus):

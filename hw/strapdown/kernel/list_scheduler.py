@@ -66,6 +66,10 @@ ROUNDS = 20
 """Greatest number of justifications in an attempt; about five are usual."""
 
 
+REGISTER = "register"
+"""The register before the buses among the resources in a reservation table."""
+
+
 class _Place(NamedTuple):
     """A node in time: the fields of its Step. The first cycle may have any number."""
 
@@ -113,6 +117,8 @@ class _Table(Problem):
              for index, chain in enumerate(self.chains)] for edges in (self.operands, self.readers))
         # Cycles from the issue of the first node to the last result.
         self.span: list[int] = []
+        # Whether a chain's result passes the register before the buses.
+        self.through = [machine.shares_register(chain[-1]) for chain in self.chains]
         # Each node with its issue relative to that of the first node, and the names of its units.
         self.stages: list[list[tuple[Node, int, list[str]]]] = []
         # (cycle relative to the first issue, node of another chain, least wait, waits that are not allowed, one bit
@@ -174,8 +180,8 @@ class _Table(Problem):
         queue = [(priority[chain], chain) for chain, count in enumerate(waiting) if not count]
         heapify(queue)
         places: dict[Node, _Place] = {}
-        # Cycles in which a unit cannot start or a bus is taken, one bit for each.
-        full = dict.fromkeys((*self.sharing, *BUSES), 0)
+        # Cycles in which a unit cannot start, or a bus or the register before them is taken, one bit for each.
+        full = dict.fromkeys((*self.sharing, *BUSES, REGISTER), 0)
         while queue:
             chain = heappop(queue)[1]
             self._place(chain, places, full, late)
@@ -225,6 +231,8 @@ class _Table(Problem):
         busy = -1
         for bus in self.buses[self.chains[chain][-1]]:
             busy &= full[bus]
+        if self.through[chain]:
+            busy |= full[REGISTER]
         return taken | _moved(busy, sign * self.span[chain])
 
     def _ways(self, chain, full, sign, start):
@@ -252,6 +260,8 @@ class _Table(Problem):
         write = start + sign * self.span[chain]
         last = next(bus for bus in self.buses[self.chains[chain][-1]] if not full[bus] >> write & 1)
         full[last] |= 1 << write
+        if self.through[chain]:
+            full[REGISTER] |= 1 << write
         # Results inside a chain are forwarded.
         buses = [*["main"] * (len(names) - 1), last]
         return {node: _Place(name, sign * start + offset, sign * start + offset + self.delay[node], bus)

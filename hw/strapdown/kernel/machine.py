@@ -102,6 +102,15 @@ class Machine(ABC):
     def buses(self, graph) -> dict[Node, tuple[str, ...]]:
         """Maps each node to the buses that can take its result, the preferred one first."""
 
+    def shares_register(self, node) -> bool:
+        """True if a node's value passes the one register before the buses, in the cycle before it is on a bus."""
+        return False
+
+    @property
+    def registered_aside(self) -> bool:
+        """True if the side bus takes values that pass this register."""
+        return False
+
     @abstractmethod
     def on_bus(self, graph) -> set[Node]:
         """Nodes whose results use a bus in every schedule."""
@@ -127,10 +136,10 @@ class UpdateMachine(Machine):
     """The rules of Engine: one update at a time.
 
     Results of units that are not direct, and inputs, are registered on the way to the bus; with horizontal microcode,
-    inputs and constants twice. Constants have steps like inputs, so that no update depends on what the memory contained
-    before. Each state word has such a step, too, which restores its reset value in the first update after a reset. A
-    result may be forwarded to its readers in the cycle in which it comes out. Conditions and the state always come from
-    memory.
+    inputs and constants twice. There is one register for them. It and the ROM of the constants have a field in common.
+    Constants have steps like inputs, so that no update depends on what the memory contained before. Each state word has
+    such a step, too, which restores its reset value in the first update after a reset. A result may be forwarded to its
+    readers in the cycle in which it comes out. Conditions and the state always come from memory.
     """
 
     def __init__(self, pool):
@@ -158,8 +167,20 @@ class UpdateMachine(Machine):
     def buses(self, graph):
         conditions = {node.condition.node for node in graph.nodes if node.condition is not None}
         barred = kept(graph) | conditions
-        return {node: ("side", "main") if self.pool.side_memory and node.computed and node not in barred
-                and all(unit.direct for unit in self.units(node)) else ("main",) for node in graph.nodes}
+        return {node: ("side", "main") if self.pool.side_memory and node not in barred and self._goes_aside(node)
+                else ("main",) for node in graph.nodes}
+
+    def _goes_aside(self, node):
+        if self.shares_register(node):
+            return self.registered_aside and (node.computed or node.operation == "constant")
+        return True
+
+    @property
+    def registered_aside(self):
+        return bool(self.pool.side_memory) and self.pool.side_registered
+
+    def shares_register(self, node):
+        return not (node.computed and all(unit.direct for unit in self.units(node)))
 
     def on_bus(self, graph):
         result = kept(graph)
@@ -171,8 +192,7 @@ class UpdateMachine(Machine):
             taken = {self.port(unit) for unit in self.units(node)}
             for operand in dict.fromkeys(read.node for read in reads(node)):
                 ports.setdefault(operand, Counter()).update(taken if len(taken) == 1 else ())
-        result |= {node for node in graph.nodes
-                   if not node.computed or not all(unit.direct for unit in self.units(node))}
+        result |= {node for node in graph.nodes if self.shares_register(node)}
         # Readers that share a port cannot all be issued in the cycle in which the result comes out.
         result |= {node for node, counts in ports.items() if max(counts.values(), default=0) > 1}
         return result
@@ -362,6 +382,9 @@ class Problem:
         results = {BUSES[bus]: Resource([node for node in written if self.buses[node] == (bus,)]) for bus in names}
         if len(names) > 1:
             results[f"{len(names)} buses"] = Resource(written, instances=len(names))
+        shared = [node for node in written if self.machine.shares_register(node)]
+        if any(len(self.buses[node]) > 1 for node in shared):
+            results["register before the buses"] = Resource(shared)
         return issues, {name: resource for name, resource in results.items() if resource.nodes}
 
     def intervals(self):

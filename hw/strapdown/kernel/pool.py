@@ -89,7 +89,7 @@ SUITED: dict[str, tuple[Any, Any]] = {
     "side_memory": (False, MemoryStyle.AUTO)}
 """Maps each field of a Pool that may be None to its value for one channel, and its value for several."""
 
-SELDOM = {"horizontal": False, "side_buses": 1, "read_ranks": 1, "adder_dsp_shifts": False}
+SELDOM = {"horizontal": False, "side_buses": 1, "side_registered": False, "read_ranks": 1, "adder_dsp_shifts": False}
 """Maps parameters of a Pool that few configurations set to their defaults: a configuration lists other values only."""
 
 RESERVED = {"input", "other", "bus", "memory", "side", "side2", "side3", "main", "operands", "signs", "microcode",
@@ -128,6 +128,9 @@ class Pool:
         for inputs; False for one bus. True: auto. None: False for one channel, auto for several.
     side_buses : int
         Number of result buses with a side memory, 1 to 3; 1 for one channel. Without a side memory there is none.
+    side_registered : bool
+        True if the side bus of one channel takes constants, and results that are registered on the way, too. One of
+        these can be on the buses in a cycle. With several channels, it has no effect.
     read_ranks : int
         Register ranks from an address to the choice among the memories, 1 or 2; 1 for one channel. A block RAM has one.
 
@@ -147,6 +150,7 @@ class Pool:
     horizontal: bool = False
     side_memory: MemoryStyle | bool | None = None
     side_buses: int = 1
+    side_registered: bool = False
     read_ranks: int = 1
 
     def __post_init__(self):
@@ -170,7 +174,7 @@ class Pool:
             raise TypeError(f"format must be a FloatFormat, not {self.format!r}")
         if not isinstance(self.operators, tuple):
             raise TypeError(f"operators must be a tuple of operators, not {self.operators!r}")
-        for name in "forwarding", "private_ports", "horizontal":
+        for name in "forwarding", "private_ports", "horizontal", "side_registered":
             value = getattr(self, name)
             if not isinstance(value, bool) and not (value is None and name in SUITED):
                 raise TypeError(f"{name} must be True or False, not {value!r}")

@@ -269,21 +269,24 @@ class UpdateProgram(Program):
     @cached_property
     def operand_sources(self):
         """Sources of operands: "memory", "side" memory, the direct units whose results are forwarded, and "bus" for
-        all other results."""
+        all other results; where these can be on either bus, their sources "other" and "constant"."""
         found = {self.operand_source(step, read) for step in self.schedule.steps
                  for read in reads(step.node) if not read.condition} | {"memory"}
-        return tuple(name for name in ("memory", "side", *(unit.name for unit in self.units), "bus") if name in found)
+        names = "memory", "side", *(unit.name for unit in self.units), "bus", "other", "constant"
+        return tuple(name for name in names if name in found)
 
     def operand_source(self, step, read):
         """The source of an operand of ``step``: one of ``operand_sources``."""
         if not self.schedule.forwarded(step, read):
             return "side" if read.node in self.schedule.aside else "memory"
-        producer = self._unit_of[read.node]
-        return producer if producer in self.schedule.direct else "bus"
+        producer = self._step_of[read.node]
+        if producer.unit in self.schedule.direct or self.schedule.machine.registered_aside:
+            return self.source(producer)
+        return "bus"
 
     @cached_property
-    def _unit_of(self):
-        return {step.node: step.unit for step in self.schedule.steps}
+    def _step_of(self):
+        return {step.node: step for step in self.schedule.steps}
 
     @property
     def state_words(self):

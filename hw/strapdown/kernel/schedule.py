@@ -189,6 +189,8 @@ class Schedule:
             assert step.write == step.issue + machine.delay(node), f"{node} is not ready when it is written"
             if self.on_bus(step):
                 uses[BUSES[step.bus], self.slot(step.write)] += 1
+            if machine.shares_register(node):
+                uses["register before the buses", self.slot(step.write)] += 1
             if not machine.units(node):
                 assert machine.first_input <= step.issue, f"{node} is too early"
                 assert not self.interval or step.issue < self.interval, f"{node} is no longer valid"
