@@ -78,8 +78,9 @@ def test_the_twin_is_float64_within_the_operators_bounds(format):
 
 
 @pytest.mark.verilator
-@pytest.mark.parametrize("pool", [POOL, replace(POOL, forwarding=False, operand_memory=MemoryStyle.BLOCK)],
-                         ids=["default", "block memory"])
+@pytest.mark.parametrize("pool", [POOL, replace(POOL, forwarding=False, operand_memory=MemoryStyle.BLOCK),
+                                  replace(POOL, side_memory=True, side_registered=True)],
+                         ids=["default", "block memory", "registered results aside"])
 def test_the_circuit_is_the_twin_in_every_bit(models, tmp_path, pool):
     core = Core(SYSTEM, pool)
     model = CoreModel(core, write(core, tmp_path, command=""), models)

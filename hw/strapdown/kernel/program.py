@@ -385,7 +385,9 @@ class UpdateProgram(Program):
             self._drive(put, step)
             return
         source, write = self.source(step), {"main": "write", "side": "side"}[step.bus]
-        put(step.write, write, source=self.sources[step.bus].index(source))
+        # Readers take registered results from the register: if none is stored aside, there is no side bus.
+        if write == "write" or self.side_depth:
+            put(step.write, write, source=self.sources[step.bus].index(source))
         if source == "other":
             name = step.node.label if step.unit == "input" else step.unit
             put(step.write - 1, other=self.other_sources.index(name))
