@@ -249,6 +249,7 @@ def _fixed(title, width, fraction_bits):
 
 _DEEP = {"latency": DEPTHS}
 _DSP = {"dsp_shifts": (True,)}
+_TWO_PATHS = {"two_paths": (True,)}
 _FLUSHED = [(fmt.with_subnormals("flush"),) for fmt in (SMALL, EIGHT_BITS)]
 _QUIET = {"quiet": (True,), "latency": (1, 2)}
 _SMALL_FIXED = Variants([(SMALL,)], {"width": (4,), "fraction_bits": (2,), "latency": DEPTHS})
@@ -259,11 +260,14 @@ OPERATORS = (
                                     special.binary_tables(FpAdd, "a − b", subtract=True)]),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "add", _is_default_or_deep),
                                  Measured([(FLUSH,)], {**_DSP, "latency": (6,)}, "add"),
+                                 Measured([(FLUSH,)], {**_TWO_PATHS, "latency": (3, 4)}, "add"),
                                  Measured(DOUBLE, {"latency": (6, 7, 8)}, "add in binary64", _always)),
         control=(Variants([(SMALL,)], _DEEP), Variants([(SMALL,)], _QUIET),
-                 Variants([(SMALL.with_subnormals("flush"),)], {**_DSP, **_DEEP})),
-        claim=Claim.ROUNDED, proved=(Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]), Variants(_FLUSHED, _DSP)),
-        tried=(Variants(_policies(EIGHT_BITS)), Variants(_FLUSHED[1:], _DSP))),
+                 Variants([(SMALL.with_subnormals("flush"),)], {**_DSP, **_DEEP}),
+                 Variants([(SMALL.with_subnormals("flush"),)], {**_TWO_PATHS, **_DEEP})),
+        claim=Claim.ROUNDED, proved=(Variants([*_policies(SMALL), *_policies(EIGHT_BITS)]), Variants(_FLUSHED, _DSP),
+                                     Variants(_FLUSHED, _TWO_PATHS)),
+        tried=(Variants(_policies(EIGHT_BITS)), Variants(_FLUSHED[1:], _DSP), Variants(_FLUSHED[1:], _TWO_PATHS))),
     OperatorEntry(
         FpMultiply, partial(special.binary_tables, FpMultiply),
         choices=_DEEP, measured=(Measured(FLUSH_FIRST, _DEEP, "multiply", _is_default_or_deep),

@@ -12,6 +12,8 @@ from .support import FORMATS, Bank, assert_equal, canonical, expected, pairs_for
 
 LATENCIES = {"binary32_gradual": (1, 3, 5, 8), "binary32_flush": (1, 2, 3, 4, 5, 6, 7, 8),
              "binary64_gradual": (5, 8), "binary64_flush": (5, 7)}
+FORMS = {"dsp": "dsp_shifts", "two": "two_paths"}
+"""Forms of the circuit for formats that flush subnormals: a word for their names, and their parameter."""
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +21,9 @@ def bank(models, tmp_path_factory):
     operators = {f"{name}_{latency}": FpAdd(fmt, latency=latency)
                  for name, fmt in FORMATS.items() for latency in LATENCIES.get(name, (5,))}
     operators["flags"] = FpAdd(BINARY32, flags=True)
-    operators |= {f"{name}_dsp_{latency}": FpAdd(fmt, latency=latency, dsp_shifts=True)
-                  for name, fmt in FORMATS.items() if not fmt.gradual
-                  for latency in LATENCIES.get(name, (5,))}
+    operators |= {f"{name}_{form}_{latency}": FpAdd(fmt, latency=latency, **{parameter: True})
+                  for form, parameter in FORMS.items() for name, fmt in FORMATS.items() if not fmt.gradual
+                  for latency in LATENCIES.get(name, (5,)) if form == "dsp" or latency < 8}
     return Bank(operators).build(models, tmp_path_factory.mktemp("bank"))
 
 
@@ -32,9 +34,9 @@ def directed(models, tmp_path_factory):
                                                    rounding=rounding, flags=True)
                  for shift, name in enumerate(("binary32_gradual", "binary32_flush"))
                  for place, rounding in enumerate(Rounding)}
-    operators |= {f"binary32_flush_dsp_{rounding.value}": FpAdd(
-        FORMATS["binary32_flush"], latency=1 + 3 * place % 8, rounding=rounding, flags=True, dsp_shifts=True)
-        for place, rounding in enumerate(Rounding)}
+    operators |= {f"binary32_flush_{form}_{rounding.value}": FpAdd(
+        FORMATS["binary32_flush"], latency=1 + 3 * place % 7, rounding=rounding, flags=True, **{parameter: True})
+        for form, parameter in FORMS.items() for place, rounding in enumerate(Rounding)}
     return Bank(operators).build(models, tmp_path_factory.mktemp("directed"))
 
 
@@ -51,10 +53,16 @@ def test_properties():
     assert FpAdd(BINARY32, rounding="upward").rounding is Rounding.UPWARD
 
 
-def test_shifts_by_multiplications_need_a_format_that_flushes():
-    assert FpAdd(BINARY32.with_subnormals("flush"), dsp_shifts=True).dsp_shifts is True
-    with pytest.raises(ValueError, match=r"^format must flush subnormals with dsp_shifts, not FloatFormat\("):
-        FpAdd(BINARY32, dsp_shifts=True)
+@pytest.mark.parametrize("form", FORMS.values())
+def test_forms_need_a_format_that_flushes(form):
+    assert getattr(FpAdd(BINARY32.with_subnormals("flush"), **{form: True}), form) is True
+    with pytest.raises(ValueError, match=rf"^format must flush subnormals with {form}, not FloatFormat\("):
+        FpAdd(BINARY32, **{form: True})
+
+
+def test_one_form_at_a_time():
+    with pytest.raises(ValueError, match=r"^dsp_shifts and two_paths must not both be true$"):
+        FpAdd(BINARY32.with_subnormals("flush"), dsp_shifts=True, two_paths=True)
 
 
 def test_no_such_rounding():
@@ -89,9 +97,10 @@ def test_sums(bank, name):
 
 
 @pytest.mark.verilator
-@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush", "binary32_flush_dsp"])
+@pytest.mark.parametrize("name", ["binary32_gradual", "binary32_flush",
+                                  *(f"binary32_flush_{form}" for form in FORMS)])
 def test_roundings(directed, name):
-    fmt, rng = FORMATS[name.removesuffix("_dsp")], np.random.default_rng(2)
+    fmt, rng = FORMATS["_".join(name.split("_")[:2])], np.random.default_rng(2)
     a, b = random_pairs(fmt, 6000, rng)
     subtract = rng.integers(0, 2, len(a), dtype=np.uint64)
     operands = {"a": a, "b": b, "subtract": subtract}

@@ -132,8 +132,9 @@ def test_pairs(results, policy, name):
             choice = name == "subtract"
             check(name, *results[key(FpAdd, policy, rounding)], len(A) * choice, wanted, *numbers, choice)
             if policy == "flush":
-                check(f"{name}, DSP", *results[key(FpAdd, policy, rounding, "dsp_shifts1")], len(A) * choice, wanted,
-                      *numbers, choice)
+                for form in ("dsp_shifts", "two_paths"):
+                    check(f"{name}, {form}", *results[key(FpAdd, policy, rounding, f"{form}1")], len(A) * choice,
+                          wanted, *numbers, choice)
 
 
 @pytest.mark.verilator

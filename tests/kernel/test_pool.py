@@ -106,7 +106,7 @@ def test_numbers_can_be_copied():
 @pytest.mark.parametrize(("fields", "error", "message"), [
     ({"format": "binary32"}, TypeError, "format must be a FloatFormat, not 'binary32'"),
     ({"operators": Adder()}, TypeError,
-     "operators must be a tuple of operators, not Adder(latency=5, dsp_shifts=False, count=1)"),
+     "operators must be a tuple of operators, not Adder(latency=5, dsp_shifts=False, two_paths=False, count=1)"),
     ({"forwarding": "no"}, TypeError, "forwarding must be True or False, not 'no'"),
     ({"private_ports": None}, TypeError, "private_ports must be True or False, not None"),
     ({"horizontal": 1}, TypeError, "horizontal must be True or False, not 1"),

@@ -21,6 +21,8 @@ class Adder(Operator):
         Register ranks, as of ``FpAdd``.
     dsp_shifts : bool
         True for shifts by multiplications, as of ``FpAdd``.
+    two_paths : bool
+        True for a path of its own for differences of close numbers, as of ``FpAdd``.
     count : int
         How many there are.
     """
@@ -34,4 +36,5 @@ class Adder(Operator):
 
     latency: int = 5
     dsp_shifts: bool = False
+    two_paths: bool = False
     count: int = 1
