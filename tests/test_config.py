@@ -61,10 +61,10 @@ def test_replace_takes_values_and_strings():
                                           "with its sign, as in +y,-x,+z, not ('+x', '+y')"),
     ({"gain": 1}, "configuration thesis has no field 'gain': choose from name, description, sample_rate_hz, channels, "
                   "interval, operand_memory, side_memory, microcode, restart_after, clock_enable, inputs, kp, ki, "
-                  "magnetometer_axes; of its pool: adder_latency, adder_dsp_shifts, adder_two_paths, adders, multiplier_latency, "
-                  "multipliers, table_reciprocal_latency, table_reciprocals, table_arctangent_latency, "
-                  "table_arctangents, arctangent_steps_per_cycle, arctangents, forwarding, private_ports, horizontal, "
-                  "side_buses, side_registered, read_ranks"),
+                  "magnetometer_axes; of its pool: adder_latency, adder_dsp_shifts, adder_two_paths, adders, "
+                  "multiplier_latency, multipliers, table_reciprocal_latency, table_reciprocals, "
+                  "table_arctangent_latency, table_arctangents, arctangent_steps_per_cycle, arctangents, forwarding, "
+                  "private_ports, horizontal, side_buses, side_registered, read_ranks"),
     ({"adders": "two"}, "configuration thesis: adders must be a valid integer, unable to parse string as an integer, "
                         "not 'two'"),
     ({"forwarding": "maybe"}, "configuration thesis: forwarding must be a valid boolean, unable to interpret input, "

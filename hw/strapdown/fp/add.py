@@ -14,10 +14,6 @@ from .stages import NARROW, SLICE, pack, partial_products, placed_products, shif
 
 __all__ = ["FpAdd"]
 
-FINE = 1
-"""Levels of the long shift of two paths after the cut inside it."""
-
-
 class FpAdd(RoundedOperator):
     """Sum of two floating-point numbers, ``result = a + b`` or ``a - b``.
 
@@ -289,15 +285,15 @@ class FpAdd(RoundedOperator):
 
         # Normalise: close numbers by a long shift, all others by a place to the right or to the left.
         levels = range(fmt.precision.bit_length())
-        magnitude, coarse, _ = _move_left(m, s.magnitude, levels[FINE:], C(0, 0), C(1))
+        magnitude, coarse, _ = _move_left(m, s.magnitude, levels[1:], C(0, 0), C(1))
         total = Signal.like(s.total, name="normalised_total")
         m.d.comb += total.eq(Mux(s.total[-1], s.total, Mux(s.total[-2], s.total << 1, s.total << 2)))
         guard, sticky = Mux(s.close, s.lacks_unit, total[3]), Mux(s.close, s.lacks_unit, total[:3].any())
-        s = rank("coarse", **pick(s, classes, numbers, ("sign", "close", "lacks_unit")), magnitude=magnitude, coarse=coarse,
-                 total=total[4:], guard=guard, sticky=sticky,
-                 increases=s.total[-1] & ~s.close, decreases=~s.total[-2:].any() & ~s.close,
-                 overflow=s.total[-1] & ~s.close & s.is_largest)
-        magnitude, moved, _ = _move_left(m, s.magnitude, levels[:FINE], C(0, 0), C(1))
+        increases = s.total[-1] & ~s.close
+        s = rank("coarse", **pick(s, classes, numbers, ("sign", "close", "lacks_unit")), magnitude=magnitude,
+                 coarse=coarse, total=total[4:], guard=guard, sticky=sticky, increases=increases,
+                 decreases=~s.total[-2:].any() & ~s.close, overflow=increases & s.is_largest)
+        magnitude, moved, _ = _move_left(m, s.magnitude, levels[:1], C(0, 0), C(1))
         # The exponent changes by -1 - zeros, or by 1, 0 or -1.
         zeros = ~Cat(moved, s.coarse)
         change = Cat(Mux(s.close, zeros, Cat(s.increases, C(0, len(zeros) - 1)) | s.decreases.replicate(len(zeros))),

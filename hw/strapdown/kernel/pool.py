@@ -89,7 +89,7 @@ SUITED: dict[str, tuple[Any, Any]] = {
     "side_memory": (False, MemoryStyle.AUTO)}
 """Maps each field of a Pool that may be None to its value for one channel, and its value for several."""
 
-SELDOM = {"horizontal": False, "side_buses": 1, "read_ranks": 1, "side_registered": False, "adder_dsp_shifts": False,
+SELDOM = {"horizontal": False, "side_buses": 1, "side_registered": False, "read_ranks": 1, "adder_dsp_shifts": False,
           "adder_two_paths": False}
 """Maps parameters of a Pool that few configurations set to their defaults: a configuration lists other values only."""
 
