@@ -256,19 +256,21 @@ class FpAdd(RoundedOperator):
         fmt = self._format
         move = _alignment(fmt, s)
         shift, fine = _shifted_a_little(m, move)
-        # Close numbers need a shift by one place at most, which is the first of the long shift.
-        smaller = Mux(move.swap, Cat(C(0, 1), s.a_significand), Cat(s.b_significand, C(0, 1)))
-        smaller = Mux(move.distance[0], smaller[1:], smaller)
+        # The lowest two bits of the exponents tell which of two close numbers is ahead by a place.
+        ahead = (s.a_exponent[:2] - s.b_exponent[:2])[:2]
         difference = Signal(fmt.precision + 2)
-        m.d.comb += difference.eq(smaller + ~Cat(C(0, 1), move.larger, C(0, 1)))
-        # It is smaller - larger - 1. If it is negative, its inverse is larger - smaller; else the exponents are equal,
-        # it lacks a unit, and ones are below it, so rounding corrects it. With a one on top the sum is right, too.
+        a, b = Signal(fmt.precision + 1), Signal(fmt.precision + 1)
+        m.d.comb += [a.eq(Mux(ahead == 3, s.a_significand, s.a_significand << 1)),
+                     b.eq(Mux(ahead == 1, s.b_significand, s.b_significand << 1)),
+                     difference.eq(Cat(a, C(0, 1)) + ~Cat(b, C(0, 1)))]
+        # It is a - b - 1. If it is negative, its inverse is b - a; else it lacks a unit, and ones are below it, so
+        # rounding corrects it. A difference without a zero on top comes from the sum of others.
         lacks_unit = ~difference[-1]
         magnitude = Cat(lacks_unit, difference[:-1] ^ difference[-1].replicate(fmt.precision + 1))
         close = s.opposite & ~move.distance[1:].any() & ~(move.distance[0] & ~move.swap) & ~move.smaller_is_zero
         s = rank("shift", **pick(s, classes), **move.numbers, larger=move.larger, **shift,
                  smaller_is_zero=move.smaller_is_zero, both_are_zero=s.a_is_zero & s.b_is_zero,
-                 close=close, lacks_unit=lacks_unit, magnitude=magnitude)
+                 swap=move.swap, close=close, lacks_unit=lacks_unit, magnitude=magnitude)
 
         # The sum of others is never negative. The lowest bit of the larger number takes the carry of a subtraction.
         aligned, sticky = _shifted_fully(m, fmt, s, fine)
@@ -279,7 +281,7 @@ class FpAdd(RoundedOperator):
         lacks_unit = s.lacks_unit & close
         classes = tuple(name for name in classes if name != "opposite")
         numbers = "exponent", "both_are_zero"
-        s = rank("sum", **pick(s, classes, numbers), sign=s.sign ^ lacks_unit, close=close,
+        s = rank("sum", **pick(s, classes, numbers), sign=s.sign ^ (lacks_unit & s.swap), close=close,
                  lacks_unit=lacks_unit, is_largest=s.exponent == fmt.exponent_special - 1, total=total,
                  magnitude=s.magnitude[:-1])
 
