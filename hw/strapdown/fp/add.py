@@ -256,17 +256,17 @@ class FpAdd(RoundedOperator):
         fmt = self._format
         move = _alignment(fmt, s)
         shift, fine = _shifted_a_little(m, move)
-        # The lowest two bits of the exponents tell which of two close numbers is ahead by a place.
+        # The lowest two bits of the exponents tell by how many places a close number is ahead.
         ahead = (s.a_exponent[:2] - s.b_exponent[:2])[:2]
-        difference = Signal(fmt.precision + 2)
-        a, b = Signal(fmt.precision + 1), Signal(fmt.precision + 1)
-        m.d.comb += [a.eq(Mux(ahead == 3, s.a_significand, s.a_significand << 1)),
-                     b.eq(Mux(ahead == 1, s.b_significand, s.b_significand << 1)),
-                     difference.eq(Cat(a, C(0, 1)) + ~Cat(b, C(0, 1)))]
+        smaller, larger = ahead == 1, ahead == 3
+        difference, b = Signal(fmt.precision + 3), Signal(fmt.precision + 2)
+        m.d.comb += [b.eq(Mux(larger, s.b_significand << 2, Mux(smaller, s.b_significand, s.b_significand << 1))),
+                     difference.eq(Cat(C(0, 1), s.a_significand, C(0, 2)) + ~Cat(b, C(0, 1)))]
         # It is a - b - 1. If it is negative, its inverse is b - a; else it lacks a unit, and ones are below it, so
         # rounding corrects it. A difference without a zero on top comes from the sum of others.
         lacks_unit = ~difference[-1]
-        magnitude = Cat(lacks_unit, difference[:-1] ^ difference[-1].replicate(fmt.precision + 1))
+        aligned = Mux(larger, difference[1:-1], difference[:-2])
+        magnitude = Cat(lacks_unit, aligned ^ difference[-1].replicate(fmt.precision + 1))
         close = s.opposite & ~move.distance[1:].any() & ~(move.distance[0] & ~move.swap) & ~move.smaller_is_zero
         s = rank("shift", **pick(s, classes), **move.numbers, larger=move.larger, **shift,
                  smaller_is_zero=move.smaller_is_zero, both_are_zero=s.a_is_zero & s.b_is_zero,

@@ -59,7 +59,7 @@ MUTANTS = (
          ("moves.eq(found & (room | here))", "moves.eq(found)", "sums are normalised below the least exponent"),
          ("range(0, 1 << levels, 1 << fine))[moved]", "range(0, 1 << levels, 1 << fine))[0]",
           "zeros of wide sums are found where they were before the coarse shift"),
-         ("Mux(ahead == 3, s.a_significand, ", "Mux(ahead == 2, s.a_significand, ", "close numbers are not aligned"),
+         ("larger = ahead == 1, ", "larger = ahead == 2, ", "close numbers are not aligned"),
          ("move.distance[1:].any()", "move.distance[1:3].any()", "distant numbers are taken as close"),
          (" & ~(move.distance[0] & ~move.swap)", "", "numbers two places apart are taken as close, or b by one place"),
          ("s.close & ~s.magnitude[-1]", "s.close", "close numbers whose difference has no leading zeros"),
