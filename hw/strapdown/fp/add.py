@@ -176,7 +176,7 @@ class FpAdd(RoundedOperator):
     def _one_way(self, m, rank, s, classes):
         """Ranks from "distance" to "normalise", all numbers on one path; ``classes`` are names of flags."""
         fmt = self._format
-        move = _alignment(fmt, s)
+        move = _alignment(m, fmt, s)
         swap, levels, larger = move.swap, move.levels, move.larger
         if self._dsp_shifts:
             # The farthest of the shifts leaves the top bit at the round bit, and is a product with 1.
@@ -254,7 +254,7 @@ class FpAdd(RoundedOperator):
         need no long shift before the subtraction, and all others none after it.
         """
         fmt = self._format
-        move = _alignment(fmt, s)
+        move = _alignment(m, fmt, s)
         shift, fine = _shifted_a_little(m, move)
         # The lowest two bits of the exponents tell by how many places a close number is ahead.
         ahead = (s.a_exponent[:2] - s.b_exponent[:2])[:2]
@@ -309,7 +309,7 @@ class FpAdd(RoundedOperator):
         return {"lacks_unit": lacks_unit} if self._flags or not self._rounding.is_nearest else {}
 
 
-def _alignment(fmt, s):
+def _alignment(m, fmt, s):
     """How the operand of the smaller exponent moves right, into a guard bit, a round bit and a sticky bit.
 
     The sum needs no more bits. If b is this operand, the distance is the negated difference: its complement, and one
@@ -320,9 +320,10 @@ def _alignment(fmt, s):
     levels = (fmt.precision + 3).bit_length()
     distance = Cat(s.difference[:-1] ^ s.difference[-1].replicate(width), C(0, max(levels - width, 0)))
     smaller_is_zero = Mux(swap, s.a_is_zero, s.b_is_zero)
+    far = Signal()
+    m.d.comb += far.eq(distance[levels:].any() | (smaller_is_zero & (not fmt.gradual)))
     return SimpleNamespace(
-        swap=swap, levels=levels, distance=distance, smaller_is_zero=smaller_is_zero,
-        far=distance[levels:].any() | (smaller_is_zero & (not fmt.gradual)),
+        swap=swap, levels=levels, distance=distance, smaller_is_zero=smaller_is_zero, far=far,
         larger=Mux(swap, s.b_significand, s.a_significand),
         near=Mux(swap, Cat(C(0, 2), s.a_significand), Cat(C(0, 1), s.b_significand, C(0, 1))),
         numbers={"sign": Mux(swap, s.b_sign, s.a_sign), "exponent": Mux(swap, s.b_exponent, s.a_exponent)})
