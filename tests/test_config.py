@@ -69,7 +69,7 @@ def test_replace_takes_values_and_strings():
                         "not 'two'"),
     ({"forwarding": "maybe"}, "configuration thesis: forwarding must be a valid boolean, unable to interpret input, "
                               "not 'maybe'"),
-    ({"adder_latency": "99"}, "configuration thesis: latency must be from 1 to 8, not 99"),
+    ({"adder_latency": "99"}, "configuration thesis: latency must be from 1 to 7, not 99"),
     ({"extremes_latency": "1"}, "configuration thesis: the pool has no extremes: extremess=1 adds one"),
     ({"channels": "0"}, "configuration thesis: channels must be greater than or equal to 1, not '0'"),
     ({"channels": 6}, "configuration thesis: channels must be a power of two, not 6"),

@@ -211,7 +211,8 @@ THESIS = AttitudeConfig(
     description="the 2015 thesis: 500 Hz, Kp 10, Ki·T 0.001, magnetometer turned by 90 degrees",
     sample_rate_hz=500, kp=10, ki=0.5, magnetometer_axes=("+y", "-x", "+z"),
     # Only INS_atan, whose angle is in radians, has the other arctangent.
-    pool=Pool(operators=(Adder(latency=3, two_paths=True), Multiplier(), *TABLES, Arctangent()), side_memory=True))
+    pool=Pool(operators=(Adder(latency=3, two_paths=True), Multiplier(latency=3), *TABLES, Arctangent()),
+              side_memory=True))
 
 THESIS_COMPACT = THESIS.replace(
     name="thesis_compact", description="the same, small: one operation after another, atan2 without an operator",
