@@ -196,13 +196,23 @@ def in_twin(name, config, q):
     return update_at(q, system, partial(system.update_twin, config.pool))
 
 
+def roll_is_zero(name, c):
+    """Where INS_flight gives a roll of zero: the cosine of the pitch is below 2**-21, the matrix's rounding error."""
+    return (name == "INS_flight") & (np.hypot(c[:, 1, 2], c[:, 2, 2]) < 2.0**-21)
+
+
 @pytest.mark.parametrize("name", GRID)
 def test_angles_give_the_matrix_back_at_any_pitch(name):
     _, q = pole_grid(step_deg=30)
     angles, c = in_float64(name, GRID[name], q)
     assert angle_error(angles, c).max() < 2.0**-15  # a yaw less than this below zero becomes zero
     angles, c = angles[angles[:, 2] > 0], c[angles[:, 2] > 0]
-    assert angle_error(angles, c).max() < 1e-12
+    # With a roll of 180° the pitch lies as far on the other side of the pole.
+    rounded = roll_is_zero(name, c)
+    assert rounded.any() == (name == "INS_flight")
+    assert (angles[rounded, 1] == 0).all()
+    allowed = np.where(rounded, 2 * np.degrees(np.hypot(c[:, 1, 2], c[:, 2, 2])), 0) + 1e-12
+    assert (angle_error(angles, c) < allowed).all()
     # The reference has other equations. Roll and yaw have errors of some 2**-52 rad/cos(pitch), but their sum at a
     # pitch of -90° and their difference at 90° have not.
     pitch, roll, yaw = euler_angles(c)
@@ -210,7 +220,7 @@ def test_angles_give_the_matrix_back_at_any_pitch(name):
     assert np.abs(angles[:, 0] - pitch).max() < 1e-12
     assert np.abs(angle_difference(angles[:, 1] - sign * angles[:, 2], roll - sign * yaw)).max() < 1e-11
     for own, other in (angles[:, 1], roll), (angles[:, 2], yaw):
-        assert (np.abs(angle_difference(own, other)) * cosine)[cosine > 1e-12].max() < 1e-11
+        assert (np.abs(angle_difference(own, other)) * cosine)[(cosine > 1e-12) & ~rounded].max() < 1e-11
 
 
 @pytest.mark.parametrize(("name", "config"), [*GRID.items(), ("INS_top", THESIS_COMPACT)],
@@ -222,7 +232,7 @@ def test_the_twins_angles_give_the_matrix_back_at_any_pitch(name, config):
     assert angle_error(angles, c).max() < 1e-4
     assert ((angles[:, 2] >= 0) & (angles[:, 2] < 360)).all()
     # INS_top adds 2**-50 to A and B.
-    at_pole = (np.abs(c[:, 1:, 2]) <= (0 if name == "INS_flight" else 2.0**-48)).all(axis=-1)
+    at_pole = roll_is_zero(name, c) | (np.abs(c[:, 1:, 2]) <= 2.0**-48).all(axis=-1)
     assert at_pole.sum() > 200
     assert name != "INS_flight" or (angles[at_pole, 1] == 0).all()
     side = np.where(given[:, 0] > 0, -1, 1)

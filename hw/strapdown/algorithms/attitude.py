@@ -24,6 +24,14 @@ SHORTEST = math.sqrt(SHORTEST_SQUARE)
 """Added to A and B in products: a pair (A, D1) or (B, D2) of zeros has the direction (1, 0)."""
 
 
+POLE = 2.0**-42
+"""A squared cosine of the pitch below this is as good as zero: C is known within 8·2**-24.
+
+For c33 = 1 − 2·(q1² + q2²)/|q|² near zero these are, in 2**-24: 3 of |q|², 1.8 of the reciprocal, and 3 of two products
+and a sum. c23 has 2.
+"""
+
+
 class Update(NamedTuple):
     """Results of one update, by the names of the system's interface."""
 
@@ -139,12 +147,13 @@ def matrix_angles(xp, c):
 
     Near a pitch of ±90° roll and yaw are rotations about almost the same axis, and rounding decides how they share
     it. The yaw is therefore that of C without the roll that is given out: cos(yaw) and sin(yaw) are proportional to
-    c33·c22 − c23·c32 and c23·c31 − c33·c21. Where c23 and c33 are zero, (0, 1) replaces them, and the roll is zero.
+    c33·c22 − c23·c32 and c23·c31 − c33·c21. Where c23² + c33² is below ``POLE``, (0, 1) replaces them, and the roll is
+    zero.
     All elements may contain a common positive factor of 1 or more.
     """
     (_, _, c13), (c21, c22, c23), (c31, c32, c33) = c
     square = dot((c23, c33), (c23, c33))
-    pole = square < SHORTEST_SQUARE
+    pole = square < POLE
     north, west = c33 * c22 - c23 * c32, c23 * c31 - c33 * c21
     north, west = xp.select(pole, c22, north), xp.select(pole, -c21, west)
     pitch, roll, yaw = euler_angles(xp, north, west, c13, xp.sqrt(square), c23, c33)

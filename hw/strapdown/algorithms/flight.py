@@ -269,7 +269,7 @@ def tilt_correction(xp, low, frame, aligning):
     """
     length = xp.sqrt(xp.maximum(dot(low, low), SHORTEST_SQUARE))
     divisor = length + frame.upward(low)
-    reciprocal = 1 / xp.maximum(divisor, 0.5 * length)
+    reciprocal = xp.reciprocal(xp.maximum(divisor, 0.5 * length))
     x, y = (low[1], -low[0]) if frame.up > 0 else (-low[1], low[0])
     overturned = divisor < xp.select(aligning, 0.5, UPSIDE_DOWN) * length
     x, y = reciprocal * xp.select(overturned, length, x), reciprocal * xp.select(overturned, 0.0, y)
@@ -622,7 +622,7 @@ def flight_update(xp, sensors, state, settings):
             beyond = gyro_margin < 0.0
     with xp.section("QUAT"):
         q = turned(xp, state.q, omega, square, beyond, state.pending, settings.period)
-        reciprocal = 1 / dot(q, q)
+        reciprocal = xp.reciprocal(dot(q, q))
     with xp.section("MATX"):
         c = matrix_of_turn(q, reciprocal)
         q = scale(xp.sqrt(reciprocal), q)

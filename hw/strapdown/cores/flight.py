@@ -7,7 +7,8 @@ from pydantic import Field
 from strapdown.algorithms import attitude, flight
 from strapdown.algorithms.flight import NO_CALIBRATION, Calibration, Parameters
 from strapdown.config import Angle, Axes, Gain, Matrix, Positive, RightHandedAxes, TunableConfig, Vector
-from strapdown.kernel.pool import MemoryStyle
+from strapdown.kernel.operators import Adder, Extremes, Multiplier, Selector, TableArctangent, TableReciprocal
+from strapdown.kernel.pool import Pool
 from strapdown.kernel.system import System, matrix, vector
 
 __all__ = ["FLIGHT", "FLIGHT_6AXIS", "FlightConfig", "ins_flight"]
@@ -187,10 +188,15 @@ def ins_flight(config):
         status_port="out_status")
 
 
+POOL = Pool(
+    operators=(Adder(count=2, latency=4), Multiplier(count=2), Extremes(), TableReciprocal(), TableArctangent(),
+               Selector()),
+    side_memory=True, side_registered=True)
+
 FLIGHT = FlightConfig(
     name="flight", description="9-axis flight filter: motion, shocks and magnetic disturbance, bias learnt",
-    sample_rate_hz=500, side_memory=MemoryStyle.AUTO)
+    sample_rate_hz=500, pool=POOL)
 
 FLIGHT_6AXIS = FlightConfig(
     name="flight_6axis", description="the same without magnetometer: heading from the gyro only",
-    sample_rate_hz=500, magnetometer=False, side_memory=MemoryStyle.AUTO)
+    sample_rate_hz=500, magnetometer=False, pool=POOL)
