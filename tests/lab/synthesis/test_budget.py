@@ -15,7 +15,7 @@ BUDGETS = {
     "thesis_x8": {"cycles": 67, "lut": 2200, "dsp": 14, "bram": 14},
     "thesis_x64": {"cycles": 67, "lut": 2300, "dsp": 14, "bram": 35.5},
     "thesis_fast_x16": {"cycles": 45, "lut": 3000, "dsp": 14, "bram": 26},
-    "flight": {"cycles": 450, "lut": 3800, "dsp": 6},
+    "flight": {"cycles": 286, "lut": 5300, "dsp": 14, "bram": 5},
     "quaternion_j2": {"cycles": 70, "lut": 1500},
     "sins": {"cycles": 670, "lut": 6000},
     "optical_tcd1304": {"lut": 3500, "dsp": 5, "bram": 2},
