@@ -189,8 +189,8 @@ def ins_flight(config):
 
 
 POOL = Pool(
-    operators=(Adder(count=2, latency=4), Multiplier(count=2), Extremes(), TableReciprocal(), TableArctangent(),
-               Selector()),
+    operators=(Adder(count=2, latency=3, two_paths=True), Multiplier(count=2), Extremes(), TableReciprocal(),
+               TableArctangent(), Selector()),
     side_memory=True, side_registered=True)
 
 FLIGHT = FlightConfig(
