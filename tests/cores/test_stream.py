@@ -173,7 +173,7 @@ def test_differing_bits_are_counted(model):
 
 
 # With next-state values that are read again, and results that are kept for several intervals; with four buses.
-STREAMED = {"flight": (FLIGHT.replace(channels=8), 358), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38),
+STREAMED = {"flight": (FLIGHT.replace(channels=8), 298), "quaternion_j3": (QUATERNION_J3.replace(channels=8), 38),
             "thesis_x64": (THESIS_X64, 67), "thesis_fast_x16": (THESIS_FAST_X16, 43)}
 
 

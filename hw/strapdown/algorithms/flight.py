@@ -172,6 +172,11 @@ def squared(x):
     return x * x
 
 
+def quotient(xp, a, b):
+    """a / b, exact for constants; else by the operators of ``xp``."""
+    return a / b if is_constant(a, b) else xp.divide(a, b)
+
+
 def response(xp, period, time):
     """1 - exp(-period/time): the weight of a new sample in a one-pole low-pass.
 
@@ -180,7 +185,7 @@ def response(xp, period, time):
     """
     if is_constant(period, time):
         return -math.expm1(-period / time)
-    return saturating(xp.minimum(period / time, 1.0))
+    return saturating(xp.minimum(xp.divide(period, time), 1.0))
 
 
 def saturating(x):
@@ -286,12 +291,12 @@ def field_correction(xp, h, reference, frame, parameters):
     """
     north, beside = _to_true_north(frame.horizontal(h), parameters.magnetic_declination, frame)
     strength, upward = xp.sqrt(dot((north, beside), (north, beside))), frame.upward(h)
-    tangent = -beside / xp.maximum(strength + north, SHORTEST_SQUARE)
+    tangent = xp.divide(-beside, xp.maximum(strength + north, SHORTEST_SQUARE))
     tangent = xp.select(north < 0.0, xp.select(beside < 0.0, 1.0, -1.0), tangent)
     deviation = subtract((strength, upward), reference)
     distance = dot(deviation, deviation)
     allowed = squared(parameters.field_tolerance) * dot(reference, reference)
-    weight = xp.maximum(allowed - distance, 0.0) / xp.maximum(allowed, SHORTEST_SQUARE)
+    weight = xp.divide(xp.maximum(allowed - distance, 0.0), xp.maximum(allowed, SHORTEST_SQUARE))
     return tangent, weight, deviation, distance, allowed
 
 
@@ -460,10 +465,10 @@ def vertical(xp, a, c, external, missing, state, settings):
     period, p, frame = settings.period, settings.parameters, settings.frame
     aligning = state.clock < 0.0
     # A Butterworth low-pass, after a mean at the start that is as long.
-    natural = math.sqrt(2) * period / p.acceleration_time
+    natural = quotient(xp, math.sqrt(2) * period, p.acceleration_time)
     natural = min(natural, STABLE) if is_constant(natural) else xp.minimum(natural, STABLE)
     elapsed = xp.maximum(state.clock, 0.0) + period
-    share = period / (elapsed if is_constant(period) else xp.maximum(elapsed, SHORTEST_SQUARE))
+    share = xp.divide(period, elapsed if is_constant(period) else xp.maximum(elapsed, SHORTEST_SQUARE))
     square, expected = dot(a, a), squared(frame.upward(state.force))
     off = square - expected
     near = RECOVERY_TOLERANCE * expected - xp.maximum(off, -off)
@@ -501,8 +506,8 @@ def rest(xp, a, g, missing, beyond, state, settings):
     gyro_mean = add(state.gyro_mean, scale(
         xp.select(aligning, 1.0, xp.select(beyond, 0.0, smoothing)), deviation))
     accel_mean = add(state.accel_mean, scale(xp.select(missing, 0.0, weight), shake))
-    motion = (gravity_square * (dot(deviation, deviation) * squared(1 / p.rest_rate))
-              + xp.select(missing, 0.0, dot(shake, shake)) * squared(1 / p.rest_acceleration))
+    motion = (gravity_square * (dot(deviation, deviation) * squared(quotient(xp, 1.0, p.rest_rate)))
+              + xp.select(missing, 0.0, dot(shake, shake)) * squared(quotient(xp, 1.0, p.rest_acceleration)))
     unrest = state.unrest + xp.select(aligning, 0.0, smoothing) * (motion - state.unrest)
     rest_clock = xp.select(missing, 0.0, state.rest_clock + period)
     rest_clock = xp.select(gravity_square < unrest, 0.0, rest_clock)
@@ -529,24 +534,24 @@ def bias_update(xp, c, missing, up, resting, state, settings):
     # Nothing is learnt before the end of the ramp, at rest, without a sample, or from a rate that no bias can have.
     idle = xp.select(resting.at_rest, -1.0, xp.select(missing, -1.0, state.clock - p.ramp_time)) < 0.0
     largest = squared(p.bias_limit * period * (0.5 / DEGREES))
-    to_rate = 2 * DEGREES / (period if is_constant(period) else xp.maximum(period, SHORTEST_PERIOD))
+    to_rate = quotient(xp, 2 * DEGREES, period if is_constant(period) else xp.maximum(period, SHORTEST_PERIOD))
     variance = xp.minimum(state.bias_variance + squared(p.bias_drift) * period, squared(p.bias_deviation))
     at_rest = xp.select(resting.at_rest, resting.smoothing, 0.0)
     bias = add(state.bias, scale(at_rest, subtract(resting.gyro_mean, state.bias)))
     for row, low, tilt in zip(rows, rows_bias, up.tilt, strict=True):
         square = dot(row, row)
         if is_constant(period):
-            gain = variance / (variance * square + squared(p.bias_noise) / period)
+            gain = xp.divide(variance, variance * square + quotient(xp, squared(p.bias_noise), period))
         else:
             information = variance * period
-            gain = information / (information * square + squared(p.bias_noise))
+            gain = xp.divide(information, information * square + squared(p.bias_noise))
         error = (low - dot(row, state.bias)) - to_rate * tilt
         gain = xp.select(idle, 0.0, gain)
         bias = add(bias, scale(xp.select(largest < tilt * tilt, 0.0, gain * error), row))
         variance = variance - (p.bias_learning * (gain * square)) * variance
     variance = variance + at_rest * (squared(p.bias_rest_deviation) - variance)
     # 1/√x = 1.5 - 0.5·x near 1: a bias that is too long by a small part is shortened to the limit.
-    margin = 0.5 - dot(bias, bias) * (0.5 * squared(1 / p.bias_limit))
+    margin = 0.5 - dot(bias, bias) * (0.5 * squared(quotient(xp, 1.0, p.bias_limit)))
     bias = scale(xp.maximum(xp.select(margin < 0.0, 1 + margin, 1.0), 0.0), bias)
     return Bias(bias, variance, (rows, rows_rate), (rows_bias, rows_bias_rate), margin)
 
@@ -572,15 +577,16 @@ def heading(xp, m, absent, c, tilt_b, rates, clipped, state, settings):
     unused = xp.select(idle, -1.0, stuck) < 0.0
     variance = xp.select(clipped, xp.maximum(state.heading_variance, HEADING_VARIANCE_AFTER_FAULT),
                          state.heading_variance)
-    settled = p.heading_weighting / p.ramp_time
-    ratio = age * allowed / xp.maximum(allowed * (variance * age + 1) + FIELD_DOUBT * distance, SHORTEST_SQUARE)
+    settled = quotient(xp, p.heading_weighting, p.ramp_time)
+    ratio = xp.divide(age * allowed,
+                      xp.maximum(allowed * (variance * age + 1) + FIELD_DOUBT * distance, SHORTEST_SQUARE))
     ramp = ratio * xp.maximum(variance - settled, 0.0)
-    learnt = variance - (variance * ratio) * (variance * (1 / p.heading_weighting))
+    learnt = variance - (variance * ratio) * (variance * quotient(xp, 1.0, p.heading_weighting))
     gain = xp.maximum(held(xp, age * (p.magnetometer_gain * believed), p.magnetometer_gain), ramp)
     turn = xp.select(unused, 0.0, xp.select(aligning, 1.0, gain) * tangent)
     correction = tuple(x + row[2] * turn for x, row in zip(tilt_b, c, strict=True))
-    slow = 1 / p.field_recovery_time
-    follow = xp.maximum(saturating(xp.minimum(age * (slow + (1 / p.field_time - slow) * believed), 1.0)), ramp)
+    slow, fast = quotient(xp, 1.0, p.field_recovery_time), quotient(xp, 1.0, p.field_time)
+    follow = xp.maximum(saturating(xp.minimum(age * (slow + (fast - slow) * believed), 1.0)), ramp)
     reference = add(state.reference, scale(xp.select(unused, 0.0, xp.select(aligning, 1.0, follow)), deviation))
     rejected = xp.select(unused, 1.0, xp.select(settled < variance, 1.0, allowed - distance))
     return Heading(

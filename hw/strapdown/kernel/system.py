@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .numeric import Float64, Twin
-from .operators import integer_bits
+from .operators import OPERATIONS, integer_bits
 from .pool import Pool
 from .refusals import Refusals
 from .trace import Tracer
@@ -60,16 +60,22 @@ def matrix(pattern):
 class Rounded(Float64):
     """The namespace in which a kernel computes on NumPy numbers of a pool's format.
 
-    Operators whose results are often not those of NumPy, rounded, are their twins.
+    Operators whose results are often not those of NumPy, rounded, are their twins. What the pool has no operator for is
+    computed by others, as in the circuit.
     """
 
     def __init__(self, pool):
-        self._pool, self._dtype = pool, pool.format.dtype
+        self._pool, self._dtype, self._operations = pool, pool.format.dtype, pool.operations
         self._twins = {operation.name for each in pool.operators for operation in each.operations
                        if not operation.rounded}
 
     def __getattr__(self, name):
-        return partial(self._twin, name) if name in self._twins else super().__getattr__(name)
+        if name in self._twins:
+            return partial(self._twin, name)
+        operation = OPERATIONS.get(name)
+        if operation and operation.fallback and name not in self._operations:
+            return partial(operation.fallback, self)
+        return super().__getattr__(name)
 
     def _twin(self, name, *operands):
         return self._pool.compute(name, *(self._pool.format.array(operand) for operand in operands))[()]
