@@ -165,7 +165,7 @@ def check(names, part, root, *, jobs=2, scheduler=None):
 
     ``jobs`` and ``scheduler`` are those of ``strapdown_sim.jobs.workers``; a worker makes the models again.
     """
-    runs = []
+    runs, commit = [], _commit(root)
     with progress_bars() as progress:
         for name in names:
             run = Run(name, root / "build" / "exhaustive")
@@ -177,17 +177,21 @@ def check(names, part, root, *, jobs=2, scheduler=None):
                     run.keep(tried[future], *outcome(future))
                     progress.advance(task)
             if run.complete:
-                _record(run, root)
+                _record(run, root, commit)
             runs.append(run)
     return runs
 
 
-def _record(run, root):
+def _commit(root):
+    """The commit of the sources, before an entry in docs/exhaustive.json changes them."""
+    return subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
+                          check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
+
+
+def _record(run, root, commit):
     """Enter a complete run in docs/exhaustive.json."""
     path = root / "docs" / "exhaustive.json"
     record = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
-                            check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
     entry = {"operator": run.subject.meaning, "latency": run.operator.latency, "circuit": run.circuit,
              "operands": len(run.state["shards"]) * SHARD, "mismatches": run.state["mismatches"]}
     # A run that was already complete keeps its date.
