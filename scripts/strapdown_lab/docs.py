@@ -49,6 +49,7 @@ from .report.sensors import sensor_blocks, write_waves
 from .report.tables import anchor_table, bus_table, core_table, flow_lines, microseconds, operator_tables, path_table
 from .studies.accuracy import figure_table, means
 from .studies.airliner import airliner_table
+from .studies.attitude_binary32 import table as attitude_binary32_table
 from .studies.calibration import errors_table, fields_table
 from .studies.calibration import picture as calibration_picture
 from .studies.flight_cases import cases_table
@@ -241,6 +242,11 @@ def faults_blocks():
     return {"cores": cores_table(reports), "places": places_tables(reports)} if reports else {}
 
 
+def attitude_binary32_block():
+    """Table of the differences from float64 in docs/cores.md."""
+    return attitude_binary32_table(_figures("attitude_binary32"))
+
+
 def airliner_block():
     """Table of the position errors of SINS_top after an hour of flight."""
     return airliner_table(_figures("airliner"))
@@ -325,6 +331,7 @@ STUDIES = (
     ("families", "docs/families.md", family_blocks),
     ("accuracy", "docs/flight.md", accuracy_blocks),
     ("accuracy", "README.md", lambda: {"flight accuracy": flight_line()}),
+    ("attitude_binary32", "docs/cores.md", lambda: {"attitude binary32": attitude_binary32_block()}),
     ("airliner", "docs/sins.md", lambda: {"airliner": airliner_block()}),
     ("optical", "docs/optical.md", optical_blocks),
     ("optical_pins", "docs/optical.md", optical_pin_blocks),

@@ -116,6 +116,26 @@ def test_a_turn_below_half_a_last_place_is_lost(channels, least):
         assert abs(pitch) < 1e-5 if share < 1 else abs(pitch) > 20 * np.degrees(least) - 1e-5
 
 
+def test_an_update_rounds_the_attitude_once():
+    """The error of n turns is that of n roundings, not of all sums and products that make a turn."""
+    count, runs = 2000, 4
+    config = THESIS.replace(kp=0, ki=0)
+    system = ATTITUDE_CORES["INS_top"](config)
+    still = {"a": np.tile([0, 0, 1.0], (count, 1)), "m": np.tile([1.0, 0, 0], (count, 1))}
+    ratios = []
+    for _ in range(runs):
+        inputs = system.bind(g=300 * RNG.standard_normal((count, 3)), **still)
+        twin, truth = (system.read(run[0])["c"].astype(float)
+                       for run in (system.run(config.engine_pool, inputs), system.run_float64(inputs)))
+        angle = np.linalg.norm(twin - truth, axis=(1, 2)) / np.sqrt(2)
+        ratios.append(angle**2 / np.arange(1, count + 1))
+    # A number f·2**e with f from 1 to 2 is rounded with a variance of (2**(e - 23))²/12, a part (2**-23/f)²/12 of its
+    # square. The mean of 1/f² is 3/(8·ln 2) if f is spread evenly in the logarithm. A rotation by an angle moves s by
+    # half of it, and three of four directions at s are rotations. Three roundings in each update would be √3 of it.
+    expected = 2.0**-23 * np.sqrt(4 * 3 / 4 / 12 * 3 / (8 * np.log(2)))
+    assert np.sqrt(np.mean(ratios)) < expected
+
+
 def reversed_bits(a_b, m_b, c_n2b):
     """The bits ``tilt_reversed`` and ``heading_reversed`` of INS_top at matrices of shape (N, 3, 3), shape (2, N)."""
     system = ATTITUDE_CORES["INS_top"](MAHONY)

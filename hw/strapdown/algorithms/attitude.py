@@ -24,6 +24,14 @@ SHORTEST = math.sqrt(SHORTEST_SQUARE)
 """Added to A and B in products: a pair (A, D1) or (B, D2) of zeros has the direction (1, 0)."""
 
 
+GROWN = 1.5
+"""Square of the length of s from which s is normalised, to the length 1.
+
+A half turn h makes it grow by the factor 1 + |h|². Most updates need no normalisation, which rounds each time.
+From 1 to 1.5, A and B of a level body are below 1, where the last place is 2**-24.
+"""
+
+
 POLE = 2.0**-42
 """A squared cosine of the pitch below this is as good as zero: C is known within 8·2**-24.
 
@@ -179,7 +187,7 @@ def corrections(xp, a, m, c1, c3, gain, *, fewest):
         early = cross(add(scale(by_a, a), scale(hz * by_m, m)), c3)
         late = scale(by_bx * (by_m * bx_squared), north)
     else:
-        early = add(scale(by_a, cross(a, c3)), scale(hz * by_m, cross(m, c3)))
+        early = add(scale(hz * by_m, cross(m, c3)), scale(by_a, cross(a, c3)))
         late = scale(by_bx, scale(by_m * bx_squared, north))
     return early, late, {"accelerometer_missing": accelerometer_missing, "magnetometer_missing": magnetometer_missing,
                          "tilt_reversed": obtuse(a, c3), "heading_reversed": obtuse(m, c1)}
@@ -193,13 +201,20 @@ def obtuse(a, b):
 def turn(s, half_turn):
     """s + s⊗(0, half_turn) for s = (A, B, D1, D2), not normalised: eq. 2.42.
 
-    (A, D1, B, -D2) is a quaternion too: q times a constant one. Its step is that of q.
+    (A, D1, B, -D2) is a quaternion too: q times a constant one. Its step is that of q. It is computed twice. The first
+    result is ready earlier: its sums are shorter chains. The second adds the small products first, so that one rounding
+    only is as large as that of s.
     """
     (a, b, d1, d2), (x, y, z) = s, half_turn
-    return ((a - x * d1) + (z * d2 - y * b),
-            (b - x * d2) + (y * a - z * d1),
-            (d1 + x * a) + (y * d2 + z * b),
-            (d2 + x * b) - (y * d1 + z * a))
+    early = ((a - x * d1) + (z * d2 - y * b),
+             (b - x * d2) + (y * a - z * d1),
+             (d1 + x * a) + (y * d2 + z * b),
+             (d2 + x * b) - (y * d1 + z * a))
+    once_rounded = (a + ((z * d2 - y * b) - x * d1),
+                    b + ((y * a - z * d1) - x * d2),
+                    d1 + ((y * d2 + z * b) + x * a),
+                    d2 + (x * b - (y * d1 + z * a)))
+    return early, once_rounded
 
 
 def pair_squares(s, least=None):
@@ -253,11 +268,12 @@ def attitude_update(xp, a, m, g, s, c, i, *, axes, period, kp, ki, fewest=False)
     The attitude is s = (A, B, D1, D2) = (q0 − q2, q0 + q2, q1 + q3, q1 − q3), times any factor. With these sums the
     elements of C are sums of two products or of squares. The angles need their directions only, and do not wait for
     the length of s. All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one
-    period. Of ``c``, the first and the last column are used.
+    period. Of ``c``, the first and the last column are used. The next state is rounded once, and normalised only if it
+    has ``GROWN``: what is rounded in each update adds up.
 
     With ``fewest``, the update consists of fewer operations, but more of them wait for others: s is normalised to the
     length sqrt(2) before its products are computed, and only the elements that are sums of squares are divided by
-    |s|². The next state has the first and the last column of C only.
+    |s|². This s is the next state, which has the first and the last column of C only.
 
     The error e_a + e_m is zero at wrong attitudes too, its false equilibria; ``tilt_reversed`` or ``heading_reversed``
     is true at each of them. In navigation axes, with a_n = Cᵀ·a/|a| and h = Cᵀ·m/|m|, the error is
@@ -272,7 +288,7 @@ def attitude_update(xp, a, m, g, s, c, i, *, axes, period, kp, ki, fewest=False)
     with xp.section("GYRO"):
         half_turn, i = rate_correction(g, early, late, i, period / 2 / DEGREES, integral_share, fewest=fewest)
     with xp.section("QUAT"):
-        s = turn(s, half_turn)
+        s, once_rounded = turn(s, half_turn)
     with xp.section("MATX"):
         if fewest:
             s = directed(s)
@@ -288,7 +304,7 @@ def attitude_update(xp, a, m, g, s, c, i, *, axes, period, kp, ki, fewest=False)
             twice = once + once
             c = tuple(tuple((once if row + index == 2 else twice) * element for index, element in enumerate(elements))
                       for row, elements in enumerate(products))
-            s = scale(xp.rsqrt(square), s)
+            s = scale(xp.select(square < GROWN, 1.0, xp.rsqrt(square)), once_rounded)
     with xp.section("EULER"):
         angles = pair_angles(xp, products, u, v, fewest=fewest)
     kept = tuple((row[0], row[-1]) for row in c) if fewest else c
