@@ -52,6 +52,7 @@ from .studies.airliner import airliner_table
 from .studies.attitude_binary32 import table as attitude_binary32_table
 from .studies.calibration import errors_table, fields_table
 from .studies.calibration import picture as calibration_picture
+from .studies.compact_forms import table as compact_forms_table
 from .studies.flight_cases import cases_table
 from .studies.flight_cross import cross_tables
 from .studies.flight_magnet import magnet_tables
@@ -247,6 +248,11 @@ def attitude_binary32_block():
     return attitude_binary32_table(_figures("attitude_binary32"))
 
 
+def compact_forms_block():
+    """Table of the forms of the smallest attitude core in docs/cores.md."""
+    return compact_forms_table(_figures("compact_forms"))
+
+
 def airliner_block():
     """Table of the position errors of SINS_top after an hour of flight."""
     return airliner_table(_figures("airliner"))
@@ -332,6 +338,7 @@ STUDIES = (
     ("accuracy", "docs/flight.md", accuracy_blocks),
     ("accuracy", "README.md", lambda: {"flight accuracy": flight_line()}),
     ("attitude_binary32", "docs/cores.md", lambda: {"attitude binary32": attitude_binary32_block()}),
+    ("compact_forms", "docs/cores.md", lambda: {"compact forms": compact_forms_block()}),
     ("airliner", "docs/sins.md", lambda: {"airliner": airliner_block()}),
     ("optical", "docs/optical.md", optical_blocks),
     ("optical_pins", "docs/optical.md", optical_pin_blocks),

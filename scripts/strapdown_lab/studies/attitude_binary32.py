@@ -1,7 +1,7 @@
 """The difference between the angles of the attitude core and the same equations in float64, on real recordings.
 
-The script writes docs/report/attitude_binary32.json and the table in docs/cores.md. It takes some minutes. The argument is
-the folder of the recordings.
+The script writes docs/report/attitude_binary32.json and the table in docs/cores.md. It takes some minutes. The argument
+is the folder of the recordings.
 """
 
 import json

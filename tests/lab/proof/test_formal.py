@@ -7,6 +7,7 @@ from amaranth import *
 from amaranth.asserts import AnySeq
 from amaranth.hdl import Assert, Cover
 from amaranth.lib import wiring
+from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from strapdown.blocks import SENSORS, LineTiming, SpotFinder
@@ -157,6 +158,21 @@ def test_registers_start_with_any_contents_where_a_property_says_so(tmp_path, ou
     circuit = partial(NeverHigh, output)
     assert prove(Property("quiet", "", circuit, 2), tmp_path).passed
     assert_refuted(Property("quiet", "", circuit, 2, ("op",)), tmp_path)
+
+
+class ShortTable(Elaboratable):
+    """A table of three words, read at any address: it holds nothing above 2."""
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.table = table = Memory(shape=2, depth=3, init=range(3))
+        port = table.read_port(domain="comb")
+        m.d.comb += [port.addr.eq(AnySeq(2)), Assert(port.data != 3), Cover(port.data == 2)]
+        return m
+
+
+def test_a_read_past_the_end_of_a_table_is_anything(tmp_path):
+    assert_refuted(Property("ShortTable", "holds nothing above 2", ShortTable, 1), tmp_path)
 
 
 def test_wrong_rounding_is_found(tmp_path, monkeypatch):
