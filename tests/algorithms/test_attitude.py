@@ -118,13 +118,13 @@ def test_a_turn_below_half_a_last_place_is_lost(channels, least):
 
 def test_an_update_rounds_the_attitude_once():
     """The error of n turns is that of n roundings, not of all sums and products that make a turn."""
-    count, runs = 2000, 4
+    count, runs, rng = 2000, 4, np.random.default_rng(3)
     config = THESIS.replace(kp=0, ki=0)
     system = ATTITUDE_CORES["INS_top"](config)
     still = {"a": np.tile([0, 0, 1.0], (count, 1)), "m": np.tile([1.0, 0, 0], (count, 1))}
     ratios = []
     for _ in range(runs):
-        inputs = system.bind(g=300 * RNG.standard_normal((count, 3)), **still)
+        inputs = system.bind(g=300 * rng.standard_normal((count, 3)), **still)
         twin, truth = (system.read(run[0])["c"].astype(float)
                        for run in (system.run(config.engine_pool, inputs), system.run_float64(inputs)))
         angle = np.linalg.norm(twin - truth, axis=(1, 2)) / np.sqrt(2)

@@ -12,11 +12,11 @@ less waits for a root, a division or an angle; its functions precede it.
 import math
 from typing import NamedTuple
 
-from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, permute, scale, transposed_vector
+from .vector import SHORTEST_SQUARE, add, column, cross, dot, length_squared, permute, root, scale, transposed_vector
 
 __all__ = ["Update", "accelerometer_error", "magnetometer_error", "rate_correction", "correction_gains",
            "quaternion_update", "matrix_from_quaternion", "euler_angles", "matrix_angles", "corrections", "turn",
-           "pair_products", "pair_angles", "attitude_update"]
+           "turn_rounded_once", "pair_products", "pair_angles", "attitude_update"]
 
 DEGREES = 180 / math.pi
 
@@ -28,12 +28,12 @@ GROWN = 1.5
 """Square of the length of s from which s is normalised, to the length 1.
 
 A half turn h makes it grow by the factor 1 + |h|². Most updates need no normalisation, which rounds each time.
-From 1 to 1.5, A and B of a level body are below 1, where the last place is 2**-24.
+From 1 to 1.5, A and B of a level body are below 1, where the last place is at most 2**-24.
 """
 
 
 POLE = 2.0**-42
-"""A squared cosine of the pitch below this is as good as zero: C is known within 8·2**-24.
+"""A squared cosine of the pitch below this is as good as zero: c33 is known within 8·2**-24, c23 within 2·2**-24.
 
 For c33 = 1 − 2·(q1² + q2²)/|q|² near zero these are, in 2**-24: 3 of |q|², 1.8 of the reciprocal, and 3 of two products
 and a sum. c23 has 2.
@@ -46,14 +46,6 @@ class Update(NamedTuple):
     outputs: dict
     state: dict | None = None
     status: dict | None = None
-
-
-def root(xp, a):
-    """Square root of a number of 0 or more, without a square root operator; below 2**-75 the root is too small.
-
-    The relative error is that of ``xp.rsqrt`` and of a product. The root of 0 is 0.
-    """
-    return a * xp.rsqrt(a + SHORTEST_SQUARE)
 
 
 def accelerometer_error(xp, a, v):
@@ -157,7 +149,7 @@ def matrix_angles(xp, c):
     it. The yaw is therefore that of C without the roll that is given out: cos(yaw) and sin(yaw) are proportional to
     c33·c22 − c23·c32 and c23·c31 − c33·c21. Where c23² + c33² is below ``POLE``, (0, 1) replaces them, and the roll is
     zero.
-    All elements may contain a common positive factor of 1 or more.
+    All elements may contain a common positive factor of 1 or more; it makes the region with a roll of zero smaller.
     """
     (_, _, c13), (c21, c22, c23), (c31, c32, c33) = c
     square = dot((c23, c33), (c23, c33))
@@ -201,20 +193,22 @@ def obtuse(a, b):
 def turn(s, half_turn):
     """s + s⊗(0, half_turn) for s = (A, B, D1, D2), not normalised: eq. 2.42.
 
-    (A, D1, B, -D2) is a quaternion too: q times a constant one. Its step is that of q. It is computed twice. The first
-    result is ready earlier: its sums are shorter chains. The second adds the small products first, so that one rounding
-    only is as large as that of s.
+    (A, D1, B, -D2) is a quaternion too: q times a constant one. Its step is that of q.
     """
     (a, b, d1, d2), (x, y, z) = s, half_turn
-    early = ((a - x * d1) + (z * d2 - y * b),
-             (b - x * d2) + (y * a - z * d1),
-             (d1 + x * a) + (y * d2 + z * b),
-             (d2 + x * b) - (y * d1 + z * a))
-    once_rounded = (a + ((z * d2 - y * b) - x * d1),
-                    b + ((y * a - z * d1) - x * d2),
-                    d1 + ((y * d2 + z * b) + x * a),
-                    d2 + (x * b - (y * d1 + z * a)))
-    return early, once_rounded
+    return ((a - x * d1) + (z * d2 - y * b),
+            (b - x * d2) + (y * a - z * d1),
+            (d1 + x * a) + (y * d2 + z * b),
+            (d2 + x * b) - (y * d1 + z * a))
+
+
+def turn_rounded_once(s, half_turn):
+    """The result of ``turn`` an addition later: the small products are added first, so only one sum rounds much."""
+    (a, b, d1, d2), (x, y, z) = s, half_turn
+    return (a + ((z * d2 - y * b) - x * d1),
+            b + ((y * a - z * d1) - x * d2),
+            d1 + ((y * d2 + z * b) + x * a),
+            d2 + (x * b - (y * d1 + z * a)))
 
 
 def pair_squares(s, least=None):
@@ -288,7 +282,9 @@ def attitude_update(xp, a, m, g, s, c, i, *, axes, period, kp, ki, fewest=False)
     with xp.section("GYRO"):
         half_turn, i = rate_correction(g, early, late, i, period / 2 / DEGREES, integral_share, fewest=fewest)
     with xp.section("QUAT"):
-        s, once_rounded = turn(s, half_turn)
+        s, before = turn(s, half_turn), s
+        if not fewest:
+            once_rounded = turn_rounded_once(before, half_turn)
     with xp.section("MATX"):
         if fewest:
             s = directed(s)

@@ -4,13 +4,21 @@ The order of operations is part of each function: sums are written out, so that 
 rounds in the same places. Sums are balanced, because depth is time in hardware.
 """
 
-__all__ = ["SHORTEST_SQUARE", "add", "subtract", "scale", "dot", "cross", "length_squared", "column", "matrix_vector",
-           "transposed_vector", "permute", "polynomial"]
+__all__ = ["SHORTEST_SQUARE", "root", "add", "subtract", "scale", "dot", "cross", "length_squared", "column",
+           "matrix_vector", "transposed_vector", "permute", "polynomial"]
 
 SHORTEST_SQUARE = 2.0**-100
 """Added to a squared length before a division by it: a vector shorter than 2**-50 (of any unit) has
 no direction. The sum keeps every quotient finite, and gives a correction of zero for a vector of length
 zero. It does not change a square of 2**-75 or more, because it is less than half an ulp of it."""
+
+
+def root(xp, a):
+    """Square root of a number of 0 or more by ``xp.rsqrt``: of 0 it is 0, below 2**-75 too small, of infinity NaN.
+
+    The relative error is that of ``xp.rsqrt`` and of a product.
+    """
+    return a * xp.rsqrt(a + SHORTEST_SQUARE)
 
 
 def add(a, b):

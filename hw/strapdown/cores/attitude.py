@@ -6,7 +6,7 @@ from pydantic import Field
 
 from strapdown.algorithms import attitude
 from strapdown.algorithms.attitude import Update
-from strapdown.algorithms.vector import scale
+from strapdown.algorithms.vector import root, scale
 from strapdown.config import Axes, TunableConfig
 from strapdown.kernel.operators import (
     Adder,
@@ -150,7 +150,7 @@ def ins_euler(config):
     def equations(xp, c):
         c11, c12, c13, c23, c33 = c
         # Limited to zero or above: rounding may make c13 greater than one.
-        cosine = attitude.root(xp, xp.maximum(1 - c13 * c13, 0.0))
+        cosine = root(xp, xp.maximum(1 - c13 * c13, 0.0))
         return Update({"angles": attitude.euler_angles(xp, c11, c12, c13, cosine, c23, c33)})
 
     return System(
@@ -186,7 +186,8 @@ def ins_top(config):
         rows = tuple((row[0], row[-1]) for row in rows)
     return System(
         "INS_top", "attitude from accelerometer, magnetometer and gyro", equations,
-        kernels=KERNELS, meanings=MEANINGS | config.input_meanings,
+        kernels=KERNELS if fewest else (*KERNELS, attitude.turn_rounded_once),
+        meanings=MEANINGS | config.input_meanings,
         sections=("ACC_MAG", "GYRO", "QUAT", "MATX", "EULER"),
         start="in_data_en", finish="out_INS_finish",
         inputs={"a": vector("in_acc{}"), "m": vector("in_mag{}"), "g": vector("in_gyro{}"), **config.gain_ports},

@@ -14,6 +14,7 @@ from .stages import NARROW, SLICE, pack, partial_products, placed_products, shif
 
 __all__ = ["FpAdd"]
 
+
 class FpAdd(RoundedOperator):
     """Sum of two floating-point numbers, ``result = a + b`` or ``a - b``.
 
@@ -127,12 +128,12 @@ class FpAdd(RoundedOperator):
 
         s = (self._two_ways if self._two_paths else self._one_way)(m, rank, s, tuple(classes))
 
-        # Round, and compute the exponent in the same addition: it is 1 - zeros, and all its bits but the
-        # lowest are those of -(zeros >> 1). A subnormal has the exponent 0.
+        # Round, and compute the exponent in the same addition. A subnormal has the exponent 0.
         significand, guard, sticky = s.magnitude[4:], s.magnitude[3], s.magnitude[:3].any()
         if self._two_paths:
             change = Cat(s.change, s.change[-1].replicate(max(width + 1 - len(s.change), 0)))[:width + 1]
         else:
+            # It is 1 - zeros, and all its bits but the lowest are those of -(zeros >> 1).
             levels = len(s.zeros)
             change = Cat(~s.zeros[0], *(s.zeros[bit] ^ s.zeros[1:bit].any() for bit in range(1, levels)),
                          s.zeros[1:].any().replicate(max(width + 1 - levels, 0)))[:width + 1]

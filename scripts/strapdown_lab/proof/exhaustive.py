@@ -183,7 +183,7 @@ def check(names, part, root, *, jobs=2, scheduler=None):
 
 
 def _commit(root):
-    """The commit of the sources, before an entry in docs/exhaustive.json changes them."""
+    """The commit of the sources, before an entry in docs/exhaustive.json changes them. Of a continued run, the last."""
     return subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
                           check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
 

@@ -6,6 +6,7 @@ takes some minutes.
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from strapdown.cores import THESIS_COMPACT, make_module
 from strapdown.markdown import markdown_table
@@ -18,7 +19,7 @@ from strapdown_sim.cache import Cache, digest
 
 __all__ = ["FORMS", "digests", "table"]
 
-FORMS = {
+FORMS: dict[str, dict[str, Any]] = {
     "`horizontal=false`": {"horizontal": False},
     "its own fields": {},
     "`adder_dsp_shifts=true`, `adder_latency=6`": {"adder_dsp_shifts": True, "adder_latency": 6},

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strapdown.algorithms.attitude import root
+from strapdown.algorithms.vector import root
 from strapdown.fp import FpDivideSquareRoot
 
 from .base import Operation, Operator
