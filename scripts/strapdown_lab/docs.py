@@ -215,21 +215,18 @@ def report_blocks():
             "operators": operator_tables(operators)}
 
 
-def family_blocks():
+def family_blocks(report):
     """Tables of docs/families.md, by the name of their block."""
-    report = _figures("families")
     return {"families": family_table(report), "family flows": family_lines(report)}
 
 
-def accuracy_blocks():
+def accuracy_blocks(result):
     """Tables of docs/flight.md, by the name of their block."""
-    result = _figures("accuracy")
     return {f"{figure} error": figure_table(result, figure) for figure in ("total", "inclination")}
 
 
-def flight_line():
+def flight_line(result):
     """The mean errors of the flight filter and of VQF, for the list in README.md."""
-    result = _figures("accuracy")
     others, tuned = (means(result, 9, tuned) for tuned in (False, True))
     return ("  Its mean RMS error is {:.2f}° on recordings that it was not tuned on (VQF: {:.2f}°), and {:.2f}° on "
             "those that its\n  parameters were chosen on ({:.2f}°);").format(
@@ -243,30 +240,13 @@ def faults_blocks():
     return {"cores": cores_table(reports), "places": places_tables(reports)} if reports else {}
 
 
-def attitude_binary32_block():
-    """Table of the differences from float64 in docs/cores.md."""
-    return attitude_binary32_table(_figures("attitude_binary32"))
-
-
-def compact_forms_block():
-    """Table of the forms of the smallest attitude core in docs/cores.md."""
-    return compact_forms_table(_figures("compact_forms"))
-
-
-def airliner_block():
-    """Table of the position errors of SINS_top after an hour of flight."""
-    return airliner_table(_figures("airliner"))
-
-
-def optical_blocks():
+def optical_blocks(result):
     """Tables of the accuracy in docs/optical.md, by the name of their block."""
-    result = _figures("optical")
     return {"flights": flights_table(result), "positions": positions_table(result), "geometry": geometry_lines(result)}
 
 
-def optical_pin_blocks():
+def optical_pin_blocks(result):
     """Tables of the runs from the pins in docs/optical.md, by the name of their block."""
-    result = _figures("optical_pins")
     return {"pins": pins_table(result), "rules": rules_table()}
 
 
@@ -286,39 +266,9 @@ def optical_module_blocks():
             for place, number in enumerate(OPTICAL_ATTITUDE.quantities)])}
 
 
-def cases_block():
-    """Table of the flight filter where filters fail."""
-    return cases_table(_figures("flight_cases"))
-
-
 def calibration_blocks():
     """Tables of docs/calibration.md, by the name of their block."""
     return {"calibration errors": errors_table(), "calibration fields": fields_table()}
-
-
-def options_block():
-    """Table of the price of each option of the flight core."""
-    return options_table(_figures("flight_options"))
-
-
-def parts_block():
-    """Table of the parts of the flight filter."""
-    return parts_table(_figures("flight_parts"))
-
-
-def cross_blocks():
-    """Tables of the cross-validation of the flight filter."""
-    return cross_tables(_figures("flight_cross"))
-
-
-def magnet_blocks():
-    """Tables of the flight filter beside a magnet."""
-    return magnet_tables(_figures("flight_magnet"))
-
-
-def software_blocks():
-    """Tables of docs/report.md with filters in software, by the name of their block."""
-    return peers_blocks(_figures("peers"), _figures("cores"))
 
 
 def operator_pages():
@@ -336,19 +286,24 @@ def operator_index_blocks():
 STUDIES = (
     ("families", "docs/families.md", family_blocks),
     ("accuracy", "docs/flight.md", accuracy_blocks),
-    ("accuracy", "README.md", lambda: {"flight accuracy": flight_line()}),
-    ("attitude_binary32", "docs/cores.md", lambda: {"attitude binary32": attitude_binary32_block()}),
-    ("compact_forms", "docs/cores.md", lambda: {"compact forms": compact_forms_block()}),
-    ("airliner", "docs/sins.md", lambda: {"airliner": airliner_block()}),
+    ("accuracy", "README.md", lambda result: {"flight accuracy": flight_line(result)}),
+    ("attitude_binary32", "docs/cores.md", lambda result: {"attitude binary32": attitude_binary32_table(result)}),
+    ("compact_forms", "docs/cores.md", lambda result: {"compact forms": compact_forms_table(result)}),
+    ("airliner", "docs/sins.md", lambda result: {"airliner": airliner_table(result)}),
     ("optical", "docs/optical.md", optical_blocks),
     ("optical_pins", "docs/optical.md", optical_pin_blocks),
-    ("flight_parts", "docs/flight.md", lambda: {"parts": parts_block()}),
-    ("flight_options", "docs/flight.md", lambda: {"options": options_block()}),
-    ("flight_cases", "docs/flight.md", lambda: {"cases": cases_block()}),
-    ("flight_cross", "docs/flight.md", cross_blocks),
-    ("flight_magnet", "docs/flight.md", magnet_blocks),
-    ("peers", "docs/report.md", software_blocks))
-"""Name of a file of docs/report, a page, and what makes the page's blocks of that file."""
+    ("flight_parts", "docs/flight.md", lambda result: {"parts": parts_table(result)}),
+    ("flight_options", "docs/flight.md", lambda result: {"options": options_table(result)}),
+    ("flight_cases", "docs/flight.md", lambda result: {"cases": cases_table(result)}),
+    ("flight_cross", "docs/flight.md", cross_tables),
+    ("flight_magnet", "docs/flight.md", magnet_tables),
+    ("peers", "docs/report.md", lambda result: peers_blocks(result, _figures("cores"))))
+"""Name of a file of docs/report, a page, and the function that makes the page's blocks of the figures in that file."""
+
+
+def study_blocks(name, blocks):
+    """Blocks of one of ``STUDIES``; none without figures."""
+    return blocks(_figures(name)) if (ROOT / "docs" / "report" / f"{name}.json").exists() else {}
 
 
 def main():
@@ -380,8 +335,7 @@ def main():
     if (figures / "operators.json").exists() and (figures / "cores.json").exists():
         write_blocks(ROOT / "docs" / "report.md", report_blocks())
     for name, page, blocks in STUDIES:
-        if (figures / f"{name}.json").exists():
-            write_blocks(ROOT / page, blocks())
+        write_blocks(ROOT / page, study_blocks(name, blocks))
 
 
 if __name__ == "__main__":

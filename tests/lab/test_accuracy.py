@@ -5,8 +5,6 @@ import json
 import numpy as np
 import pytest
 
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import accuracy
 from strapdown_sim.errors import attitude_errors
 from strapdown_sim.recordings import Recording
@@ -73,9 +71,3 @@ def test_a_reference_without_a_valid_sample_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(accuracy, "FILTERS", {})
     result = accuracy.measure(tmp_path)
     assert (list(result["recordings"]), result["without_reference"]) == (["valid"], ["zero"])
-
-
-def test_tables_in_the_docs_are_those_of_the_figures(root):
-    text = (root / "docs" / "flight.md").read_text(encoding="utf-8")
-    for name, content in docs.accuracy_blocks().items():
-        assert block(text, name)[1].strip() == content

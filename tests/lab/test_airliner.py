@@ -2,8 +2,6 @@
 
 import json
 
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import airliner
 
 
@@ -14,8 +12,3 @@ def test_figures_are_those_of_this_commits_equations(root):
     # An error in an equation would be larger: that of the reference's own test is 10 m at a tenth of the rate.
     horizontal = [values[:2] for values in result["errors_m"].values()]
     assert max(abs(value) for values in horizontal for value in values) < 10
-
-
-def test_the_table_in_the_docs_is_that_of_the_figures(root):
-    text = (root / "docs" / "sins.md").read_text(encoding="utf-8")
-    assert block(text, "airliner")[1].strip() == docs.airliner_block()

@@ -2,8 +2,6 @@
 
 import json
 
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import attitude_binary32
 
 
@@ -11,8 +9,3 @@ def test_figures_are_those_of_this_commits_equations(root):
     result = json.loads((root / "docs" / "report" / "attitude_binary32.json").read_text(encoding="utf-8"))
     assert result["equations_sha256"] == attitude_binary32.digests(), (
         "python -m strapdown_lab.studies.attitude_binary32 FOLDER measures them again")
-
-
-def test_the_table_in_the_docs_is_that_of_the_figures(root):
-    text = (root / "docs" / "cores.md").read_text(encoding="utf-8")
-    assert block(text, "attitude binary32")[1].strip() == docs.attitude_binary32_block()

@@ -2,8 +2,6 @@
 
 import json
 
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import compact_forms
 
 
@@ -11,8 +9,3 @@ def test_figures_are_those_of_this_commits_circuits(root):
     result = json.loads((root / "docs" / "report" / "compact_forms.json").read_text(encoding="utf-8"))
     assert {name: row["verilog_sha256"] for name, row in result["forms"].items()} == compact_forms.digests(), (
         "python -m strapdown_lab.studies.compact_forms measures them again")
-
-
-def test_the_table_in_the_docs_is_that_of_the_figures(root):
-    text = (root / "docs" / "cores.md").read_text(encoding="utf-8")
-    assert block(text, "compact forms")[1].strip() == docs.compact_forms_block()

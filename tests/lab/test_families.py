@@ -6,8 +6,6 @@ import pytest
 
 from strapdown.cores import THESIS, main_module
 from strapdown.tools import ToolError
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.report.families import circuit, family_lines, family_table, variants
 from strapdown_lab.report.measure import core_circuit
 from strapdown_lab.synthesis import FAMILIES, families, synthesise
@@ -120,9 +118,3 @@ def test_figures_are_of_these_families(figures):
     assert list(figures["families"]) == list(NAMED)
     assert all(list(row["families"]) == [family.name for family in variant.families(FAMILIES)]
                for row, variant in zip(figures["cores"], variants(), strict=True))
-
-
-def test_tables_in_the_docs_are_those_of_the_figures(root, figures):
-    text = (root / "docs" / "families.md").read_text(encoding="utf-8")
-    for name, content in docs.family_blocks().items():
-        assert block(text, name)[1].strip() == content

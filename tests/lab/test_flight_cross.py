@@ -7,23 +7,16 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import flight_cross, flight_magnet
 from strapdown_lab.studies.flight_cases import cases_digest, hour, twin
 from strapdown_sim.errors import attitude_errors, multiply, rms
 from strapdown_sim.stimuli.wander import FIELD
 
-STUDIES = {"flight_cross": docs.cross_blocks, "flight_magnet": docs.magnet_blocks}
 
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_figures_and_tables_are_those_of_this_commit(root, name):
+@pytest.mark.parametrize("name", ["flight_cross", "flight_magnet"])
+def test_figures_are_those_of_this_commits_equations(root, name):
     result = json.loads((root / "docs" / "report" / f"{name}.json").read_text(encoding="utf-8"))
     assert result["equations_sha256"] == cases_digest(), f"python -m strapdown_lab.studies.{name} measures them again"
-    text = (root / "docs" / "flight.md").read_text(encoding="utf-8")
-    for title, table in STUDIES[name]().items():
-        assert block(text, title)[1].strip() == table
 
 
 def test_each_recording_is_in_one_half_and_each_set_in_both():

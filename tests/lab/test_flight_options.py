@@ -7,8 +7,6 @@ import pytest
 
 from strapdown.algorithms.flight import NO_CALIBRATION
 from strapdown.cores import FLIGHT, ins_flight, main_module
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import flight_options
 
 
@@ -56,8 +54,3 @@ def test_the_core_alone_is_that_of_the_report(root, result):
     assert row["verilog_sha256"] == result["verilog_sha256"]
     alone = result["options"]["none"]
     assert (alone["cycles"], alone["xc7"]) == (row["cycles"], row["xc7"])
-
-
-def test_the_table_in_the_docs_is_that_of_the_figures(root):
-    text = (root / "docs" / "flight.md").read_text(encoding="utf-8")
-    assert block(text, "options")[1].strip() == docs.options_block()

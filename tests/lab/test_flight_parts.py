@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from strapdown.cores import FLIGHT
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import flight_parts
 from strapdown_sim.recordings import Recording, Reference
 
@@ -43,8 +41,3 @@ def test_a_variant_without_bias_turns_with_the_gyros_error():
                           for name in ("all", "without any bias"))
     assert learnt["total"] < 0.7 < 2 < not_learnt["total"]
     assert learnt["inclination"] < 1e-3
-
-
-def test_the_table_in_the_docs_is_that_of_the_figures(root):
-    text = (root / "docs" / "flight.md").read_text(encoding="utf-8")
-    assert block(text, "parts")[1].strip() == docs.parts_block()

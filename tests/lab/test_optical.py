@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from strapdown_lab import docs
-from strapdown_lab.checkout import ROOT, block
+from strapdown_lab.checkout import ROOT
 from strapdown_lab.studies import optical
 
 PUBLISHED = {
@@ -114,12 +113,6 @@ def test_positions_keep_their_limits():
                         ("and fringes of 3 %, lag, deferred charge", 0.18)):
         assert rows[title]["rms_px"] <= most
         assert rows[title]["lost"] == 0
-
-
-def test_tables_in_the_docs_are_those_of_the_figures(root):
-    text = (root / "docs" / "optical.md").read_text(encoding="utf-8")
-    for name, content in docs.optical_blocks().items():
-        assert block(text, name)[1].strip() == content, name
 
 
 def test_picture(tmp_path, monkeypatch):

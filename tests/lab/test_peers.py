@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from strapdown.tools import ToolError
-from strapdown_lab import docs
-from strapdown_lab.checkout import block
 from strapdown_lab.studies import peers
 from strapdown_sim.errors import attitude_errors, enu_to_nwu
 from strapdown_sim.recordings import STANDARD_GRAVITY, Recording
@@ -166,9 +164,3 @@ def test_figures_are_those_of_this_commits_harness(result):
     assert result["packages"] == peers.versions()
     assert {title: tuple(times) for title, times in result["update_ns"].items()} == {
         peer.title: peers.FLAGS for peer in peers.PEERS}
-
-
-def test_the_tables_in_the_docs_are_those_of_the_figures(root):
-    text = (root / "docs" / "report.md").read_text(encoding="utf-8")
-    for name, content in docs.software_blocks().items():
-        assert block(text, name)[1].strip() == content
